@@ -1,0 +1,5 @@
+//! Shapes that several stages share.
+
+mod mesh;
+
+pub use mesh::Mesh;
