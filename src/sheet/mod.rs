@@ -3,9 +3,11 @@
 mod azimuth;
 mod document;
 mod image;
+mod reconstruction;
 mod view;
 
 pub use self::image::{Drawing, ImageError, ImageLimits, decode, inspect};
 pub use azimuth::{Azimuth, NotFinite};
 pub use document::{HoleDocument, SheetDocument, TruthDocument, ViewDocument};
+pub use reconstruction::{RECONSTRUCTION, ReconstructionPayload};
 pub use view::{Sheet, SheetError, View};
