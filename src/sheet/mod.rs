@@ -4,6 +4,7 @@ mod azimuth;
 mod check;
 mod document;
 mod image;
+mod reconstruction;
 mod view;
 
 pub use self::image::{Drawing, ImageError, ImageLimits, decode, inspect};
@@ -13,4 +14,5 @@ pub use check::{
     check_sizes,
 };
 pub use document::{HoleDocument, SheetDocument, TruthDocument, ViewDocument};
+pub use reconstruction::{RECONSTRUCTION, ReconstructionPayload};
 pub use view::{Sheet, SheetError, View};

@@ -1,0 +1,119 @@
+use std::fmt;
+
+use crate::sheet::Azimuth;
+
+/// Which file of a view.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum ViewArtifact {
+    /// 8-bit picture, near is white.
+    DisparityPng,
+    /// Disparity in px, 32-bit float.
+    DisparityPfm,
+    /// 16-bit picture; scale and offset are in the metrics.
+    DepthPng,
+    /// Depth in px, 32-bit float.
+    DepthPfm,
+}
+
+/// Which file of a pair of views.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum PairArtifact {
+    /// Both drawings side by side with their matches.
+    MatchesPng,
+    MatchesJson,
+    /// The rectified drawings side by side with epipolar lines.
+    RectifiedPng,
+}
+
+/// The name of everything a reconstruction can leave behind.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ArtifactName {
+    View(Azimuth, ViewArtifact),
+    Pair(Azimuth, Azimuth, PairArtifact),
+    Cloud,
+    Hull,
+    Thumbnail,
+    Metrics,
+    Timings,
+    Bundle,
+}
+
+impl ArtifactName {
+    /// The media type of the bytes.
+    pub fn media_type(self) -> &'static str {
+        use ViewArtifact::{DepthPfm, DepthPng, DisparityPfm, DisparityPng};
+        match self {
+            Self::View(_, DisparityPng | DepthPng)
+            | Self::Pair(_, _, PairArtifact::MatchesPng | PairArtifact::RectifiedPng)
+            | Self::Thumbnail => "image/png",
+            Self::View(_, DisparityPfm | DepthPfm) => "image/x-portable-floatmap",
+            Self::Pair(_, _, PairArtifact::MatchesJson) | Self::Metrics | Self::Timings => {
+                "application/json"
+            }
+            Self::Cloud => "model/ply",
+            Self::Hull => "model/gltf-binary",
+            Self::Bundle => "application/zip",
+        }
+    }
+}
+
+/// The path below the job's artifacts, such as `views/45/disparity.png`.
+impl fmt::Display for ArtifactName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::View(azimuth, artifact) => {
+                let file = match artifact {
+                    ViewArtifact::DisparityPng => "disparity.png",
+                    ViewArtifact::DisparityPfm => "disparity.pfm",
+                    ViewArtifact::DepthPng => "depth.png",
+                    ViewArtifact::DepthPfm => "depth.pfm",
+                };
+                write!(f, "views/{azimuth}/{file}")
+            }
+            Self::Pair(left, right, artifact) => {
+                let file = match artifact {
+                    PairArtifact::MatchesPng => "matches.png",
+                    PairArtifact::MatchesJson => "matches.json",
+                    PairArtifact::RectifiedPng => "rectified.png",
+                };
+                write!(f, "pairs/{left}-{right}/{file}")
+            }
+            Self::Cloud => f.write_str("cloud.ply"),
+            Self::Hull => f.write_str("hull.glb"),
+            Self::Thumbnail => f.write_str("thumbnail.png"),
+            Self::Metrics => f.write_str("metrics.json"),
+            Self::Timings => f.write_str("timings.json"),
+            Self::Bundle => f.write_str("bundle.zip"),
+        }
+    }
+}
+
+/// A finished file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Artifact {
+    /// [`ArtifactName`] as text.
+    pub name: String,
+    pub media_type: &'static str,
+    pub bytes: Vec<u8>,
+}
+
+impl Artifact {
+    pub fn new(name: ArtifactName, bytes: Vec<u8>) -> Self {
+        Self { name: name.to_string(), media_type: name.media_type(), bytes }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_those_users_know() {
+        let azimuth = |degrees| Azimuth::from_degrees(degrees).unwrap();
+        let name = ArtifactName::View(azimuth(22.5), ViewArtifact::DepthPfm);
+        assert_eq!(name.to_string(), "views/22.5/depth.pfm");
+        let name = ArtifactName::Pair(azimuth(315.0), azimuth(0.0), PairArtifact::MatchesJson);
+        assert_eq!(name.to_string(), "pairs/315-0/matches.json");
+        assert_eq!(name.media_type(), "application/json");
+    }
+}
