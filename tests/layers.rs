@@ -24,8 +24,19 @@ const PURE: &[&str] = &["geometry", "vision", "pipeline", "export", "options"];
 
 /// What a pure module never names.
 const IMPURE: &[&str] = &[
-    "std::fs", "std::env", "std::time", "std::net", "std::process", "tokio", "axum", "sqlx",
-    "object_store", "reqwest", "jiff", "Instant::now", "SystemTime",
+    "std::fs",
+    "std::env",
+    "std::time",
+    "std::net",
+    "std::process",
+    "tokio",
+    "axum",
+    "sqlx",
+    "object_store",
+    "reqwest",
+    "jiff",
+    "Instant::now",
+    "SystemTime",
 ];
 
 fn sources(module: &str) -> Vec<PathBuf> {
@@ -51,10 +62,7 @@ fn sources(module: &str) -> Vec<PathBuf> {
 fn code(path: &Path) -> String {
     let text = fs::read_to_string(path).unwrap();
     let text = text.split("#[cfg(test)]").next().unwrap();
-    text.lines()
-        .map(|line| line.split("//").next().unwrap())
-        .collect::<Vec<_>>()
-        .join("\n")
+    text.lines().map(|line| line.split("//").next().unwrap()).collect::<Vec<_>>().join("\n")
 }
 
 /// First path segments after `crate::`.

@@ -92,8 +92,7 @@ pub struct ListParameters {
 pub async fn create(State(api): State<Arc<Api>>, request: Request) -> Result<Response, Problem> {
     let job = upload::receive(&api, request).await?;
     tracing::info!(id = %job.id, "reconstruction queued");
-    let mut response =
-        (StatusCode::ACCEPTED, Json(Reconstruction::from(&job))).into_response();
+    let mut response = (StatusCode::ACCEPTED, Json(Reconstruction::from(&job))).into_response();
     let location = HeaderValue::from_str(&path_of(job.id))
         .map_err(|error| Problem::internal("location", &error))?;
     response.headers_mut().insert(header::LOCATION, location);
@@ -130,9 +129,9 @@ pub async fn list(
     let query = ListQuery { kind: Some(KIND.to_owned()), state, before, limit };
     let page = api.state.store.list(&query).await?;
     let next = page.next.map(|id| next_uri(parameters.state, limit, id));
-    let link = next.as_ref().and_then(|next| {
-        HeaderValue::from_str(&format!("<{next}>; rel=\"next\"")).ok()
-    });
+    let link = next
+        .as_ref()
+        .and_then(|next| HeaderValue::from_str(&format!("<{next}>; rel=\"next\"")).ok());
     let reconstructions = page.jobs.iter().map(Reconstruction::from).collect();
     let mut response = Json(ReconstructionList { reconstructions, next }).into_response();
     if let Some(link) = link {

@@ -10,9 +10,7 @@ use futures::{Stream, StreamExt};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tower_http::timeout::TimeoutError;
 
-use crate::http::problem::{
-    BODY_TOO_LARGE, MALFORMED_MULTIPART, Problem, REQUEST_TIMEOUT,
-};
+use crate::http::problem::{BODY_TOO_LARGE, MALFORMED_MULTIPART, Problem, REQUEST_TIMEOUT};
 
 /// How long a refused upload is read on, so that its client gets the answer.
 const DRAIN_TIME: Duration = Duration::from_secs(5);

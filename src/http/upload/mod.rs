@@ -148,10 +148,12 @@ async fn store_inputs(api: &Api, job: JobId, inputs: Inputs) -> Result<(), Probl
         Inputs::Copied(source, names) => {
             for name in &names {
                 let from = Key::Input { job: source, name };
-                bytes.copy(&from, &Key::Input { job, name }).await.map_err(|error| match error {
-                    ByteError::NotFound(_) => source::gone(source),
-                    other => Problem::unavailable("byte store", &other),
-                })?;
+                bytes.copy(&from, &Key::Input { job, name }).await.map_err(
+                    |error| match error {
+                        ByteError::NotFound(_) => source::gone(source),
+                        other => Problem::unavailable("byte store", &other),
+                    },
+                )?;
             }
         }
     }

@@ -5,9 +5,7 @@ use futures::{StreamExt, TryStreamExt, stream};
 use image::ImageFormat;
 use tokio::sync::Semaphore;
 
-use crate::http::problem::{
-    DAMAGED_IMAGE, NOT_AN_IMAGE, PART_TOO_LARGE, Problem, TOO_MANY_PIXELS,
-};
+use crate::http::problem::{DAMAGED_IMAGE, NOT_AN_IMAGE, PART_TOO_LARGE, Problem, TOO_MANY_PIXELS};
 use crate::sheet::{self, ImageError, ImageLimits, PictureSize};
 
 /// Decodes at once, in all uploads together.
