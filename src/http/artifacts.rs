@@ -173,7 +173,8 @@ fn requested(
         None | Some(Selection::Whole) => Ok(whole),
         Some(Selection::Part(part)) => Ok(part),
         Some(Selection::Unsatisfiable) => {
-            let detail = format!("`{}` has {} bytes; ask for some of them", entry.name, entry.bytes);
+            let detail =
+                format!("`{}` has {} bytes; ask for some of them", entry.name, entry.bytes);
             let content_range = HeaderValue::from_str(&format!("bytes */{}", entry.bytes));
             let content_range = content_range.unwrap_or(HeaderValue::from_static("bytes */*"));
             Err(Problem::new(RANGE_NOT_SATISFIABLE, detail)

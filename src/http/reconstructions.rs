@@ -15,9 +15,10 @@ use super::conditional::{PREFERENCE_APPLIED, is_known, preferred_wait};
 use super::openapi::problem_responses;
 use super::problem::*;
 use super::representation::{Reconstruction, ReconstructionList, State as JobStateName, path_of};
-use super::upload::{self, KIND};
+use super::upload;
 use super::wait::wait_until;
 use crate::jobs::{Job, JobId, ListQuery};
+use crate::sheet::RECONSTRUCTION;
 
 const DEFAULT_LIMIT: u32 = 20;
 const MAX_LIMIT: u32 = 100;
@@ -32,7 +33,7 @@ problem_responses! {
         INVALID_SHEET, UNKNOWN_OPTION, INVALID_OPTION, UNKNOWN_SOURCE, REQUEST_TIMEOUT, BUSY,
         UNAVAILABLE
 }
-problem_responses! { JobProblems: UNKNOWN_RECONSTRUCTION, UNAVAILABLE }
+problem_responses! { pub JobProblems: UNKNOWN_RECONSTRUCTION, UNAVAILABLE }
 problem_responses! { ListProblems: INVALID_QUERY, UNAVAILABLE }
 problem_responses! { CancelProblems: UNKNOWN_RECONSTRUCTION, ALREADY_FINISHED, UNAVAILABLE }
 problem_responses! { DeleteProblems: UNKNOWN_RECONSTRUCTION, STILL_RUNNING, UNAVAILABLE }
@@ -92,8 +93,7 @@ pub struct ListParameters {
 pub async fn create(State(api): State<Arc<Api>>, request: Request) -> Result<Response, Problem> {
     let job = upload::receive(&api, request).await?;
     tracing::info!(id = %job.id, "reconstruction queued");
-    let mut response =
-        (StatusCode::ACCEPTED, Json(Reconstruction::from(&job))).into_response();
+    let mut response = (StatusCode::ACCEPTED, Json(Reconstruction::from(&job))).into_response();
     let location = HeaderValue::from_str(&path_of(job.id))
         .map_err(|error| Problem::internal("location", &error))?;
     response.headers_mut().insert(header::LOCATION, location);
@@ -127,12 +127,12 @@ pub async fn list(
     }
     let before = parameters.cursor.as_deref().map(cursor).transpose()?;
     let state = parameters.state.map(Into::into);
-    let query = ListQuery { kind: Some(KIND.to_owned()), state, before, limit };
+    let query = ListQuery { kind: Some(RECONSTRUCTION.to_owned()), state, before, limit };
     let page = api.state.store.list(&query).await?;
     let next = page.next.map(|id| next_uri(parameters.state, limit, id));
-    let link = next.as_ref().and_then(|next| {
-        HeaderValue::from_str(&format!("<{next}>; rel=\"next\"")).ok()
-    });
+    let link = next
+        .as_ref()
+        .and_then(|next| HeaderValue::from_str(&format!("<{next}>; rel=\"next\"")).ok());
     let reconstructions = page.jobs.iter().map(Reconstruction::from).collect();
     let mut response = Json(ReconstructionList { reconstructions, next }).into_response();
     if let Some(link) = link {

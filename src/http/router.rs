@@ -20,9 +20,8 @@ use super::{HttpLimits, artifacts, events, health, pages, reconstructions};
 /// The whole interface over `state`.
 pub fn router(state: ApiState, limits: &HttpLimits) -> Router {
     let cors = layers::cors(&state.cors_origins);
-    let within = |time: Duration| {
-        TimeoutLayer::with_status_code(StatusCode::SERVICE_UNAVAILABLE, time)
-    };
+    let within =
+        |time: Duration| TimeoutLayer::with_status_code(StatusCode::SERVICE_UNAVAILABLE, time);
     let answer = limits.answer_timeout;
     let quick = quick_routes().layer(within(answer));
     let patient = patient_routes().layer(within(answer + MAX_WAIT));
@@ -93,6 +92,7 @@ async fn nothing_here(uri: Uri) -> Problem {
 }
 
 async fn wrong_method(method: Method, uri: Uri) -> Problem {
-    let detail = format!("`{}` does not take {method}; the Allow header lists what it takes", uri.path());
+    let detail =
+        format!("`{}` does not take {method}; the Allow header lists what it takes", uri.path());
     Problem::new(METHOD_NOT_ALLOWED, detail)
 }

@@ -22,9 +22,8 @@ pub async fn serve(
     timeouts: &ServerTimeouts,
     shutdown: CancellationToken,
 ) -> std::io::Result<()> {
-    let service = TowerToHyperService::new(
-        router.layer(RequestBodyTimeoutLayer::new(timeouts.body_idle)),
-    );
+    let service =
+        TowerToHyperService::new(router.layer(RequestBodyTimeoutLayer::new(timeouts.body_idle)));
     let mut http = http1::Builder::new();
     http.timer(TokioTimer::new()).header_read_timeout(timeouts.header_read);
     let connections = GracefulShutdown::new();

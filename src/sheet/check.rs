@@ -137,11 +137,9 @@ pub fn check_mask_size(
 }
 
 fn place(index: usize, view: &ViewDocument, default: f64) -> Result<PlacedView, SheetProblem> {
-    let azimuth =
-        Azimuth::from_degrees(view.azimuth_deg).map_err(|error| SheetProblem::InvalidAngle {
-            place: format!("views[{index}].azimuth_deg"),
-            value: error.0,
-        })?;
+    let azimuth = Azimuth::from_degrees(view.azimuth_deg).map_err(|error| {
+        SheetProblem::InvalidAngle { place: format!("views[{index}].azimuth_deg"), value: error.0 }
+    })?;
     let elevation_deg = view.elevation_deg.unwrap_or(default);
     check_elevation(|| format!("views[{index}].elevation_deg"), elevation_deg)?;
     for (key, name) in [("image", Some(&view.image)), ("mask", view.mask.as_ref())] {
@@ -262,7 +260,9 @@ mod tests {
         let size = |width| PictureSize { width, height: 20 };
         let sizes = [(azimuth(0.0), size(30)), (azimuth(45.0), size(31))];
         let error = check_sizes(&sizes, &THREE).unwrap_err();
-        assert!(matches!(error, SheetProblem::DifferingSizes { azimuth: a, .. } if a == azimuth(45.0)));
+        assert!(
+            matches!(error, SheetProblem::DifferingSizes { azimuth: a, .. } if a == azimuth(45.0))
+        );
         check_sizes(&sizes, &SheetRequirements { equal_sizes: false, ..THREE }).unwrap();
         check_sizes(&sizes[..1], &THREE).unwrap();
         assert!(check_mask_size(azimuth(0.0), size(30), size(31)).is_err());

@@ -5,9 +5,7 @@ use futures::{StreamExt, TryStreamExt, stream};
 use image::ImageFormat;
 use tokio::sync::Semaphore;
 
-use crate::http::problem::{
-    DAMAGED_IMAGE, NOT_AN_IMAGE, PART_TOO_LARGE, Problem, TOO_MANY_PIXELS,
-};
+use crate::http::problem::{DAMAGED_IMAGE, NOT_AN_IMAGE, PART_TOO_LARGE, Problem, TOO_MANY_PIXELS};
 use crate::sheet::{self, ImageError, ImageLimits, PictureSize};
 
 /// Decodes at once, in all uploads together.
@@ -37,11 +35,12 @@ impl Decoders {
         pictures: &[(&str, &Bytes)],
         limits: &ImageLimits,
     ) -> Result<Vec<Decoded>, Problem> {
-        stream::iter(pictures)
+        // Made before the stream, as futures that borrow nothing from it.
+        let decodes: Vec<_> = pictures
+            .iter()
             .map(|(part, bytes)| self.decode(part, (*bytes).clone(), *limits))
-            .buffered(self.count)
-            .try_collect()
-            .await
+            .collect();
+        stream::iter(decodes).buffered(self.count).try_collect().await
     }
 
     async fn decode(
