@@ -31,6 +31,5 @@ pub use router::router;
 pub use server::serve;
 pub use state::ApiState;
 pub use telemetry::prometheus;
-pub use upload::KIND;
 
 use state::Api;

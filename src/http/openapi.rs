@@ -30,18 +30,6 @@ pub struct Description;
 
 /// Says which problems an operation answers with.
 macro_rules! problem_responses {
-    ($name:ident: $($kind:path),* $(,)?) => {
-        struct $name;
-
-        impl utoipa::IntoResponses for $name {
-            fn responses() -> std::collections::BTreeMap<
-                String,
-                utoipa::openapi::RefOr<utoipa::openapi::Response>,
-            > {
-                $crate::http::openapi::responses_of(&[$($kind),*])
-            }
-        }
-    };
     ($visibility:vis $name:ident: $($kind:path),* $(,)?) => {
         $visibility struct $name;
 

@@ -15,9 +15,10 @@ use super::conditional::{PREFERENCE_APPLIED, is_known, preferred_wait};
 use super::openapi::problem_responses;
 use super::problem::*;
 use super::representation::{Reconstruction, ReconstructionList, State as JobStateName, path_of};
-use super::upload::{self, KIND};
+use super::upload;
 use super::wait::wait_until;
 use crate::jobs::{Job, JobId, ListQuery};
+use crate::sheet::RECONSTRUCTION;
 
 const DEFAULT_LIMIT: u32 = 20;
 const MAX_LIMIT: u32 = 100;
@@ -32,7 +33,7 @@ problem_responses! {
         INVALID_SHEET, UNKNOWN_OPTION, INVALID_OPTION, UNKNOWN_SOURCE, REQUEST_TIMEOUT, BUSY,
         UNAVAILABLE
 }
-problem_responses! { JobProblems: UNKNOWN_RECONSTRUCTION, UNAVAILABLE }
+problem_responses! { pub JobProblems: UNKNOWN_RECONSTRUCTION, UNAVAILABLE }
 problem_responses! { ListProblems: INVALID_QUERY, UNAVAILABLE }
 problem_responses! { CancelProblems: UNKNOWN_RECONSTRUCTION, ALREADY_FINISHED, UNAVAILABLE }
 problem_responses! { DeleteProblems: UNKNOWN_RECONSTRUCTION, STILL_RUNNING, UNAVAILABLE }
@@ -126,7 +127,7 @@ pub async fn list(
     }
     let before = parameters.cursor.as_deref().map(cursor).transpose()?;
     let state = parameters.state.map(Into::into);
-    let query = ListQuery { kind: Some(KIND.to_owned()), state, before, limit };
+    let query = ListQuery { kind: Some(RECONSTRUCTION.to_owned()), state, before, limit };
     let page = api.state.store.list(&query).await?;
     let next = page.next.map(|id| next_uri(parameters.state, limit, id));
     let link = next

@@ -8,7 +8,7 @@ use uuid::Uuid;
 
 use super::openapi::options_reference;
 use crate::jobs::{ArtifactEntry, Failure, Job, JobId, JobState};
-use crate::sheet::{Azimuth, SheetDocument, ViewDocument};
+use crate::sheet::{Azimuth, ReconstructionPayload, SheetDocument, ViewDocument};
 
 /// A sheet on its way to a 3D draft.
 #[derive(Debug, Serialize, ToSchema)]
@@ -17,6 +17,9 @@ pub struct Reconstruction {
     /// The sheet's own name, where its document has one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
+    /// The earlier reconstruction whose views it takes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub source: Option<Uuid>,
     pub state: State,
     /// How often it was begun; it is begun again if its worker dies.
     pub attempt: u32,
@@ -161,12 +164,14 @@ impl From<&Job> for Reconstruction {
     fn from(job: &Job) -> Self {
         // A payload that an older version stored may not read; its job is
         // still listed.
-        let document: SheetDocument =
-            serde_json::from_value(job.payload.clone()).unwrap_or_default();
+        let payload: Option<ReconstructionPayload> =
+            serde_json::from_value(job.payload.clone()).ok();
+        let (document, source) = payload.map(|p| (p.document, p.source)).unwrap_or_default();
         let options = document.options.clone().unwrap_or_default();
         Self {
             id: job.id.0,
             name: document.name.clone(),
+            source,
             state: job.state.into(),
             attempt: job.attempt,
             max_attempts: job.max_attempts,

@@ -1,4 +1,4 @@
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 
 use bytes::Bytes;
 use serde_json::{Map, Value};
@@ -66,9 +66,9 @@ pub fn assemble(mut parts: Parts, limits: &HttpLimits) -> Result<Assembled, Prob
 
 fn assemble_views(parts: &mut Parts, limits: &HttpLimits) -> Result<Assembled, Problem> {
     let options = parse_options(parts, None)?;
-    let mut masks: HashMap<Azimuth, FilePart> = parts.masks.drain(..).collect();
-    let mut drawings: HashMap<Azimuth, FilePart> = parts.views.drain(..).collect();
-    let mut views: Vec<_> = drawings
+    let mut masks: BTreeMap<Azimuth, FilePart> = parts.masks.drain(..).collect();
+    let mut drawings: BTreeMap<Azimuth, FilePart> = parts.views.drain(..).collect();
+    let views = drawings
         .iter()
         .map(|(azimuth, file)| ViewDocument {
             image: file.file.clone(),
@@ -77,7 +77,6 @@ fn assemble_views(parts: &mut Parts, limits: &HttpLimits) -> Result<Assembled, P
             ..ViewDocument::default()
         })
         .collect();
-    views.sort_by(|a, b| a.azimuth_deg.total_cmp(&b.azimuth_deg));
     let mut document = SheetDocument { views, ..SheetDocument::default() };
     let placed = check(&document, options.method, limits, None)?;
     document.views.clear();
@@ -211,11 +210,11 @@ pub fn parse_options(parts: &mut Parts, base: Option<Value>) -> Result<Options, 
 impl Assembled {
     /// The pictures to decode, drawings before masks of each view.
     pub fn pictures(&self) -> Vec<(&str, &Bytes)> {
-        let pictures = |view| {
-            let PicturedView { drawing, mask, .. } = view;
-            std::iter::once(drawing).chain(mask).map(|p: &Picture| (p.part.as_str(), &p.bytes))
-        };
-        self.views.iter().flat_map(pictures).collect()
+        let mut pictures = Vec::new();
+        for PicturedView { drawing, mask, .. } in &self.views {
+            pictures.extend(std::iter::once(drawing).chain(mask));
+        }
+        pictures.into_iter().map(|picture| (picture.part.as_str(), &picture.bytes)).collect()
     }
 
     /// Checks the sizes found by decoding [`Self::pictures`] and names the

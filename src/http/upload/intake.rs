@@ -51,7 +51,7 @@ impl Intake {
         Self { body: body.into_data_stream(), limit, received: 0, budget, held: None }
     }
 
-    fn count(&mut self, chunk: &Bytes) -> Result<(), IntakeError> {
+    fn account(&mut self, chunk: &Bytes) -> Result<(), IntakeError> {
         self.received += chunk.len() as u64;
         if self.received > self.limit {
             return Err(IntakeError::TooLarge { limit: self.limit });
@@ -93,7 +93,7 @@ impl Stream for Intake {
 
     fn poll_next(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<Option<Self::Item>> {
         self.body.poll_next_unpin(cx).map(|next| match next? {
-            Ok(chunk) => Some(self.count(&chunk).map(|()| chunk)),
+            Ok(chunk) => Some(self.account(&chunk).map(|()| chunk)),
             Err(error) => Some(Err(error.into())),
         })
     }
@@ -129,5 +129,5 @@ pub fn too_large(limit: u64) -> Problem {
 }
 
 fn chain<'e>(error: &'e (dyn Error + 'static)) -> impl Iterator<Item = &'e (dyn Error + 'static)> {
-    std::iter::successors(Some(error), |error| error.source())
+    std::iter::successors(Some(error), |error: &&(dyn Error + 'static)| (*error).source())
 }

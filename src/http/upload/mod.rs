@@ -18,7 +18,7 @@ use std::sync::Arc;
 use axum::extract::Request;
 use axum::http::{HeaderMap, HeaderValue, header};
 use bytes::Bytes;
-use futures::{StreamExt, TryStreamExt, stream};
+use futures::{StreamExt, stream};
 use multer::Multipart;
 use tokio::sync::OwnedSemaphorePermit;
 
@@ -26,12 +26,9 @@ use self::intake::{Intake, too_large};
 use self::parts::Parts;
 use super::Api;
 use super::problem::{Problem, REQUEST_TIMEOUT, UNSUPPORTED_MEDIA_TYPE};
-use crate::artifacts::{ByteError, Key};
+use crate::artifacts::{ByteError, ByteStore, Key};
 use crate::jobs::{Job, JobId, NewJob};
-use crate::sheet::SheetDocument;
-
-/// Which work a job of this service is.
-pub const KIND: &str = "reconstruction";
+use crate::sheet::{RECONSTRUCTION, ReconstructionPayload, SheetDocument};
 
 /// How many inputs are written at a time: each waits for the disk.
 const CONCURRENT_WRITES: usize = 8;
@@ -93,8 +90,8 @@ fn check_head(headers: &HeaderMap, limit: u64) -> Result<String, Problem> {
         Problem::new(UNSUPPORTED_MEDIA_TYPE, detail)
             .header(header::ACCEPT, HeaderValue::from_static("multipart/form-data"))
     })?;
-    let length = headers.get(header::CONTENT_LENGTH).and_then(|v| v.to_str().ok()?.parse().ok());
-    match length {
+    let length = headers.get(header::CONTENT_LENGTH).and_then(|value| value.to_str().ok());
+    match length.and_then(|length| length.parse::<u64>().ok()) {
         Some(length) if length > limit => Err(too_large(limit)),
         _ => Ok(boundary),
     }
@@ -114,12 +111,17 @@ async fn check(api: &Api, mut parts: Parts) -> Result<(SheetDocument, Inputs), P
 
 async fn enqueue(api: &Api, document: SheetDocument, inputs: Inputs) -> Result<Job, Problem> {
     let id = JobId::new();
+    let source = match &inputs {
+        Inputs::Uploaded(_) => None,
+        Inputs::Copied(source, _) => Some(source.0),
+    };
+    let payload = ReconstructionPayload { document, source };
     let stored = async {
         store_inputs(api, id, inputs).await?;
-        let payload =
-            serde_json::to_value(document).map_err(|e| Problem::internal("payload", &e))?;
+        let payload = serde_json::to_value(payload);
+        let payload = payload.map_err(|error| Problem::internal("payload", &error))?;
         let max_attempts = api.state.max_attempts;
-        let job = NewJob { id, kind: KIND.to_owned(), payload, max_attempts };
+        let job = NewJob { id, kind: RECONSTRUCTION.to_owned(), payload, max_attempts };
         Ok(api.state.store.enqueue(job).await?)
     };
     let result = stored.await;
@@ -136,14 +138,14 @@ async fn store_inputs(api: &Api, job: JobId, inputs: Inputs) -> Result<(), Probl
     let bytes = &api.state.bytes;
     match inputs {
         Inputs::Uploaded(inputs) => {
-            stream::iter(inputs)
-                .map(|(name, content)| async move {
-                    bytes.put(&Key::Input { job, name: &name }, content).await
-                })
-                .buffer_unordered(CONCURRENT_WRITES)
-                .try_collect::<Vec<_>>()
-                .await
-                .map_err(|error| Problem::unavailable("byte store", &error))?;
+            let writes: Vec<_> = inputs
+                .into_iter()
+                .map(|(name, content)| write_input(bytes.clone(), job, name, content))
+                .collect();
+            let mut writes = stream::iter(writes).buffer_unordered(CONCURRENT_WRITES);
+            while let Some(written) = writes.next().await {
+                written.map_err(|error| Problem::unavailable("byte store", &error))?;
+            }
         }
         Inputs::Copied(source, names) => {
             for name in &names {
@@ -158,4 +160,13 @@ async fn store_inputs(api: &Api, job: JobId, inputs: Inputs) -> Result<(), Probl
         }
     }
     Ok(())
+}
+
+async fn write_input(
+    bytes: ByteStore,
+    job: JobId,
+    name: String,
+    content: Bytes,
+) -> Result<(), ByteError> {
+    bytes.put(&Key::Input { job, name: &name }, content).await
 }

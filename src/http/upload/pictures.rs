@@ -35,11 +35,12 @@ impl Decoders {
         pictures: &[(&str, &Bytes)],
         limits: &ImageLimits,
     ) -> Result<Vec<Decoded>, Problem> {
-        stream::iter(pictures)
+        // Made before the stream, as futures that borrow nothing from it.
+        let decodes: Vec<_> = pictures
+            .iter()
             .map(|(part, bytes)| self.decode(part, (*bytes).clone(), *limits))
-            .buffered(self.count)
-            .try_collect()
-            .await
+            .collect();
+        stream::iter(decodes).buffered(self.count).try_collect().await
     }
 
     async fn decode(

@@ -5,7 +5,7 @@ use super::parts::Parts;
 use crate::http::Api;
 use crate::http::problem::{DIFFERING_SIZES, Problem, UNKNOWN_SOURCE};
 use crate::jobs::{JobId, StoreError};
-use crate::sheet::SheetDocument;
+use crate::sheet::{ReconstructionPayload, SheetDocument};
 
 /// The document of a job that runs again on the views of `source`: its options
 /// with the given ones laid over them.
@@ -23,8 +23,9 @@ pub async fn rerun(
         StoreError::NotFound(_) => unknown(source),
         other => other.into(),
     })?;
-    let mut document: SheetDocument = serde_json::from_value(job.payload)
+    let payload: ReconstructionPayload = serde_json::from_value(job.payload)
         .map_err(|error| Problem::internal("stored sheet document", &error))?;
+    let mut document = payload.document;
     let options = parse_options(&mut parts, document.options.take())?;
     check(&document, options.method, &api.limits, Some("source"))?;
     if options.method.needs_equal_sizes() && document.width.is_none() {
