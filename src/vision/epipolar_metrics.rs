@@ -20,10 +20,7 @@ const EIGENVALUE_ROUNDS: usize = 1000;
 /// Hartley & Zisserman, 2nd ed., §11.4.3 (11.9); Arys 2020, §2.2.4.
 pub fn sampson_distance_px2(f: &Matrix3<f64>, left: Point2<f64>, right: Point2<f64>) -> f64 {
     let (right_line, left_line, residual) = epipolar_lines(f, left, right);
-    square_ratio(
-        residual,
-        right_line.xy().norm_squared() + left_line.xy().norm_squared(),
-    )
+    square_ratio(residual, right_line.xy().norm_squared() + left_line.xy().norm_squared())
 }
 
 /// The squared distances of both points to their epipolar lines, summed, px².
@@ -51,9 +48,8 @@ pub fn mean_distance(
     correspondences: impl IntoIterator<Item = (Point2<f64>, Point2<f64>)>,
     distance: impl Fn(&Matrix3<f64>, Point2<f64>, Point2<f64>) -> f64,
 ) -> Option<f64> {
-    let (sum, count) = correspondences
-        .into_iter()
-        .fold((0.0, 0_usize), |(sum, count), (left, right)| {
+    let (sum, count) =
+        correspondences.into_iter().fold((0.0, 0_usize), |(sum, count), (left, right)| {
             (sum + distance(f, left, right), count + 1)
         });
     (count > 0).then(|| sum / count as f64)
@@ -72,23 +68,13 @@ pub fn mean_distance(
 /// # Source
 /// Arys 2020, §2.2.4.
 pub fn smallest_absolute_eigenvalue(f: &Matrix3<f64>) -> Option<f64> {
-    let unit = f
-        .try_normalize(0.0)
-        .filter(|unit| unit.iter().all(|value| value.is_finite()))?;
+    let unit = f.try_normalize(0.0).filter(|unit| unit.iter().all(|value| value.is_finite()))?;
     let f33 = unit[(2, 2)];
-    let mut scaled = if f33.abs() > f64::from(f32::EPSILON) {
-        unit / f33
-    } else {
-        unit
-    };
+    let mut scaled = if f33.abs() > f64::from(f32::EPSILON) { unit / f33 } else { unit };
     // Entries of F span many orders of magnitude: even them out first.
     balancing::balance_parlett_reinsch(&mut scaled);
     let schur = Schur::try_new(scaled, f64::EPSILON, EIGENVALUE_ROUNDS)?;
-    schur
-        .complex_eigenvalues()
-        .iter()
-        .map(|value| value.norm())
-        .reduce(f64::min)
+    schur.complex_eigenvalues().iter().map(|value| value.norm()).reduce(f64::min)
 }
 
 /// The pair nearest to a measured correspondence that satisfies `F` exactly.
@@ -122,27 +108,18 @@ pub fn optimal_correction(
     let at_origin = at_origin.try_normalize(0.0)?;
     let left_epipole = null_vector(&at_origin)?;
     let right_epipole = null_vector(&at_origin.transpose())?;
-    let (Some(left_turn), Some(right_turn)) = (
-        turn_to_x_axis(&left_epipole),
-        turn_to_x_axis(&right_epipole),
-    ) else {
+    let (Some(left_turn), Some(right_turn)) =
+        (turn_to_x_axis(&left_epipole), turn_to_x_axis(&right_epipole))
+    else {
         // A measurement on its epipole lies on every epipolar line already.
-        return Some(OptimalCorrection {
-            left,
-            right,
-            reprojection_error_px2: 0.0,
-        });
+        return Some(OptimalCorrection { left, right, reprojection_error_px2: 0.0 });
     };
     let cost = CorrectionCost::new(&at_origin, left_turn, right_turn);
     let (t, u) = cost.minimum()?;
     let (left_line, right_line) = cost.lines(t, u);
     let left = left + nearest_to_origin(left_turn.rotation.transpose() * left_line)?;
     let right = right + nearest_to_origin(right_turn.rotation.transpose() * right_line)?;
-    Some(OptimalCorrection {
-        left,
-        right,
-        reprojection_error_px2: cost.at(t, u),
-    })
+    Some(OptimalCorrection { left, right, reprojection_error_px2: cost.at(t, u) })
 }
 
 /// The reprojection error by optimal correction, px²; NaN where
@@ -163,11 +140,7 @@ fn epipolar_lines(
 }
 
 fn square_ratio(residual: f64, denominator: f64) -> f64 {
-    if residual == 0.0 {
-        0.0
-    } else {
-        residual * residual / denominator
-    }
+    if residual == 0.0 { 0.0 } else { residual * residual / denominator }
 }
 
 fn translation(to: Point2<f64>) -> Matrix3<f64> {
@@ -256,10 +229,8 @@ impl CorrectionCost {
         let p = [self.b, self.a];
         let q = [self.d, self.c];
         let p2 = product(&p, &p);
-        let q2: Vec<f64> = product(&q, &q)
-            .iter()
-            .map(|value| value * self.right_e3.powi(2))
-            .collect();
+        let q2: Vec<f64> =
+            product(&q, &q).iter().map(|value| value * self.right_e3.powi(2)).collect();
         let sum: Vec<f64> = p2.iter().zip(&q2).map(|(one, other)| one + other).collect();
         let first = product(&[0.0, 1.0], &product(&sum, &sum));
         let scale = [1.0, 0.0, self.left_e3.powi(2)];
@@ -277,9 +248,7 @@ impl CorrectionCost {
         let sextic = self.sextic();
         let reversed: Vec<f64> = sextic.iter().rev().copied().collect();
         let finite = stationary_candidates(&sextic).into_iter().map(|t| (t, 1.0));
-        let beyond_one = stationary_candidates(&reversed)
-            .into_iter()
-            .map(|u| (1.0, u));
+        let beyond_one = stationary_candidates(&reversed).into_iter().map(|u| (1.0, u));
         finite
             .chain(beyond_one)
             .filter(|&(t, u)| self.at(t, u).is_finite())
@@ -304,17 +273,11 @@ fn stationary_candidates(polynomial: &[f64]) -> Vec<f64> {
     if polynomial.len() < 2 {
         return vec![-1.0, 0.0, 1.0];
     }
-    let derivative: Vec<f64> = polynomial
-        .iter()
-        .enumerate()
-        .skip(1)
-        .map(|(power, value)| power as f64 * value)
-        .collect();
+    let derivative: Vec<f64> =
+        polynomial.iter().enumerate().skip(1).map(|(power, value)| power as f64 * value).collect();
     let splits = stationary_candidates(&derivative);
-    let roots: Vec<f64> = splits
-        .windows(2)
-        .filter_map(|ends| bisect(polynomial, ends[0], ends[1]))
-        .collect();
+    let roots: Vec<f64> =
+        splits.windows(2).filter_map(|ends| bisect(polynomial, ends[0], ends[1])).collect();
     let mut all = [splits, roots].concat();
     all.sort_by(f64::total_cmp);
     all.dedup();
@@ -322,10 +285,7 @@ fn stationary_candidates(polynomial: &[f64]) -> Vec<f64> {
 }
 
 fn evaluate(polynomial: &[f64], at: f64) -> f64 {
-    polynomial
-        .iter()
-        .rev()
-        .fold(0.0, |sum, coefficient| sum * at + coefficient)
+    polynomial.iter().rev().fold(0.0, |sum, coefficient| sum * at + coefficient)
 }
 
 /// The root between two points of different sign, to the last bit or 2⁻¹²⁸.
@@ -359,8 +319,7 @@ mod tests {
         let rotation = Rotation3::from_euler_angles(0.05, yaw_deg.to_radians(), -0.02);
         let k = Matrix3::new(800.0, 0.0, 480.0, 0.0, 800.0, 270.0, 0.0, 0.0, 1.0);
         let mut pose = Matrix3x4::zeros();
-        pose.fixed_view_mut::<3, 3>(0, 0)
-            .copy_from(rotation.matrix());
+        pose.fixed_view_mut::<3, 3>(0, 0).copy_from(rotation.matrix());
         pose.set_column(3, &-(rotation * centre.coords));
         k * pose
     }
@@ -388,10 +347,7 @@ mod tests {
     /// `F` of two cameras from the minors of their matrices (H&Z table 17.1).
     fn fundamental(left: &Matrix3x4<f64>, right: &Matrix3x4<f64>) -> Matrix3<f64> {
         let rows = |camera: &Matrix3x4<f64>, i: usize| {
-            [
-                camera.row((i + 1) % 3).into_owned(),
-                camera.row((i + 2) % 3).into_owned(),
-            ]
+            [camera.row((i + 1) % 3).into_owned(), camera.row((i + 2) % 3).into_owned()]
         };
         Matrix3::from_fn(|j, i| {
             let ([a, b], [c, d]) = (rows(left, i), rows(right, j));
@@ -432,10 +388,7 @@ mod tests {
         let mut nudge = |point: Point2<f64>| {
             point + Vector2::from_fn(|_, _| random.random_range(-by_px..by_px))
         };
-        pairs
-            .iter()
-            .map(|&(left, right)| (nudge(left), nudge(right)))
-            .collect()
+        pairs.iter().map(|&(left, right)| (nudge(left), nudge(right))).collect()
     }
 
     #[test]
@@ -549,10 +502,7 @@ mod tests {
         let origin = Point2::origin();
         let rank_one = Matrix3::new(1.0, 2.0, 3.0, 2.0, 4.0, 6.0, 3.0, 6.0, 9.0);
         assert_eq!(smallest_absolute_eigenvalue(&Matrix3::zeros()), None);
-        assert_eq!(
-            smallest_absolute_eigenvalue(&Matrix3::repeat(f64::NAN)),
-            None
-        );
+        assert_eq!(smallest_absolute_eigenvalue(&Matrix3::repeat(f64::NAN)), None);
         assert_eq!(optimal_correction(&Matrix3::zeros(), origin, origin), None);
         assert_eq!(optimal_correction(&rank_one, origin, origin), None);
     }

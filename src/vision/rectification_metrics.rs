@@ -26,10 +26,7 @@ impl RectificationDistortion {
         let (w, h) = (width_px, height_px);
         let across = |from: [f64; 2], to: [f64; 2]| -> Option<Vector2<f64>> {
             let difference = transform(homography, to)? - transform(homography, from)?;
-            difference
-                .iter()
-                .all(|value| value.is_finite())
-                .then_some(difference)
+            difference.iter().all(|value| value.is_finite()).then_some(difference)
         };
         let x = across([0.0, h / 2.0], [w, h / 2.0])?;
         let y = across([w / 2.0, 0.0], [w / 2.0, h])?;
@@ -139,10 +136,7 @@ mod tests {
         let shear = Matrix3::new(1.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
         let pair = PairDistortion::of(&Matrix3::identity(), &shear, 2.0, 2.0).unwrap();
         assert!(near(pair.mean_orthogonality_deviation, 0.25));
-        assert!(near(
-            pair.mean_aspect_ratio_deviation,
-            0.5 * (1.0 - 0.2_f64.sqrt())
-        ));
+        assert!(near(pair.mean_aspect_ratio_deviation, 0.5 * (1.0 - 0.2_f64.sqrt())));
     }
 
     #[test]
