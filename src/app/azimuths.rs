@@ -30,7 +30,9 @@ impl FromStr for Azimuths {
 fn range(text: &str) -> Result<Vec<Azimuth>, String> {
     let numbers = text
         .split(':')
-        .map(|number| number.trim().parse().map_err(|_| format!("{number:?} is no angle in degrees")))
+        .map(|number| {
+            number.trim().parse().map_err(|_| format!("{number:?} is no angle in degrees"))
+        })
         .collect::<Result<Vec<f64>, _>>()?;
     if numbers.iter().any(|number| !number.is_finite()) {
         return Err(format!("{text:?} has an angle that is not finite"));

@@ -34,7 +34,7 @@ pub fn run() -> Result<(), Failure> {
         Command::Worker(args) => serve::worker(&settings(args, &matches)?),
         Command::Reconstruct(args) => reconstruct::run(&args),
         Command::Openapi => {
-            println!("{}", crate::http::openapi_json());
+            println!("{:#}", crate::http::openapi());
             Ok(())
         }
     }

@@ -58,14 +58,10 @@ pub fn run(args: &ReconstructArgs) -> Result<(), Failure> {
     };
     let read = |name: &str| fs::read(base.join(name)).map_err(|error| name_file(name, &error));
     let bar = Bar::new();
-    let summary = draft::produce(
-        &document,
-        &read,
-        &args.limits.image(),
-        threads,
-        &bar,
-        &mut |artifact| write(&args.output, &artifact),
-    );
+    let summary =
+        draft::produce(&document, &read, &args.limits.image(), threads, &bar, &mut |artifact| {
+            write(&args.output, &artifact)
+        });
     bar.0.finish_and_clear();
     report(&summary.map_err(classify)?, &args.output);
     Ok(())

@@ -1,1 +1,12 @@
 //! Stored bytes: uploaded inputs and published artifacts.
+//!
+//! A job's inputs belong to the job; its artifacts belong to the attempt that
+//! wrote them, so that the bytes of an attempt that lost its lease never mix
+//! with those of the one that is published. What is written is durable when the
+//! call returns.
+
+mod bytes;
+mod key;
+
+pub use bytes::{ByteError, ByteRange, ByteStore};
+pub use key::{InvalidName, Key};

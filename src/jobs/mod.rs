@@ -6,11 +6,16 @@
 //! later write names the (job, attempt) it was claimed with, so that a worker
 //! that lost its lease can change nothing.
 
+mod clock;
+mod record;
+mod sqlite;
 mod store;
 mod types;
 
+pub use clock::{Clock, ManualClock, SystemClock};
+pub use sqlite::SqliteStore;
 pub use store::{JobStore, StoreError};
 pub use types::{
-    ArtifactEntry, Claim, Event, EventKind, Failure, Heartbeat, Job, JobId, JobState, ListQuery,
-    NewJob, Page,
+    ArtifactEntry, Claim, Event, EventKind, Failure, Heartbeat, Job, JobChange, JobId, JobState,
+    ListQuery, NewJob, Page,
 };

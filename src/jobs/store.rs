@@ -2,8 +2,12 @@ use std::time::Duration;
 
 use async_trait::async_trait;
 use serde_json::Value;
+use tokio::sync::broadcast;
 
-use super::{ArtifactEntry, Claim, Event, Failure, Heartbeat, Job, JobId, ListQuery, NewJob, Page};
+use super::{
+    ArtifactEntry, Claim, Event, Failure, Heartbeat, Job, JobChange, JobId, JobState, ListQuery,
+    NewJob, Page,
+};
 
 /// Why a store could not do what was asked.
 #[derive(Debug, thiserror::Error)]
@@ -57,25 +61,38 @@ pub trait JobStore: Send + Sync {
     async fn progress(&self, id: JobId, attempt: u32, progress: Value) -> Result<(), StoreError>;
 
     /// Publishes the artifacts and ends the job as succeeded, in one transaction.
+    ///
+    /// This and the other endings return the state the job is in afterwards:
+    /// one whose cancellation was accepted always ends as cancelled, whatever
+    /// its attempt came to, and then publishes nothing.
     async fn succeed(
         &self,
         id: JobId,
         attempt: u32,
         artifacts: Vec<ArtifactEntry>,
-    ) -> Result<(), StoreError>;
+    ) -> Result<JobState, StoreError>;
 
     /// Ends the job as failed: trying again would not help.
-    async fn fail(&self, id: JobId, attempt: u32, failure: Failure) -> Result<(), StoreError>;
+    async fn fail(&self, id: JobId, attempt: u32, failure: Failure)
+    -> Result<JobState, StoreError>;
 
     /// Ends the job as cancelled, after its work saw the request.
-    async fn cancelled(&self, id: JobId, attempt: u32) -> Result<(), StoreError>;
+    async fn cancelled(&self, id: JobId, attempt: u32) -> Result<JobState, StoreError>;
 
-    /// Puts the job back because this attempt broke (`failure`, internal causes);
-    /// fails it as `attempts_exhausted` if none is left.
-    async fn retry(&self, id: JobId, attempt: u32, failure: Failure) -> Result<(), StoreError>;
+    /// Puts the job back because this attempt broke (`failure`, internal causes),
+    /// to be claimed after `pause` at the earliest; fails it as
+    /// `attempts_exhausted` if no attempt is left.
+    async fn retry(
+        &self,
+        id: JobId,
+        attempt: u32,
+        failure: Failure,
+        pause: Duration,
+    ) -> Result<JobState, StoreError>;
 
     /// Puts the job back because its worker stops; the attempt is not counted.
-    async fn release(&self, id: JobId, attempt: u32) -> Result<(), StoreError>;
+    /// The next claim gets a new attempt number all the same.
+    async fn release(&self, id: JobId, attempt: u32) -> Result<JobState, StoreError>;
 
     /// Puts back every running job whose lease has ended, or fails it as
     /// `attempts_exhausted`, or ends it as cancelled if that was asked for.
@@ -103,4 +120,9 @@ pub trait JobStore: Send + Sync {
 
     /// Answers if the store can read and write.
     async fn ping(&self) -> Result<(), StoreError>;
+
+    /// Tells of changes as they are committed through this store, to save
+    /// waiting for the next poll. Only a hint: changes of other processes, and
+    /// those a slow receiver lags behind, are missing.
+    fn changes(&self) -> broadcast::Receiver<JobChange>;
 }

@@ -16,6 +16,12 @@ impl JobId {
     pub fn new() -> Self {
         Self(Uuid::now_v7())
     }
+
+    /// When the name was made; `None` if it is not of version 7.
+    pub fn created_at(self) -> Option<Timestamp> {
+        let (seconds, nanoseconds) = self.0.get_timestamp()?.to_unix();
+        Timestamp::new(seconds.cast_signed(), nanoseconds.cast_signed()).ok()
+    }
 }
 
 impl Default for JobId {
@@ -64,7 +70,7 @@ pub struct NewJob {
     pub kind: String,
     /// What the work needs, apart from stored bytes.
     pub payload: Value,
-    /// How often the job may be claimed; at least 1.
+    /// How often the job may be claimed, released claims apart; at least 1.
     pub max_attempts: u32,
 }
 
@@ -75,8 +81,11 @@ pub struct Job {
     pub kind: String,
     pub payload: Value,
     pub state: JobState,
-    /// Claims so far.
+    /// Claims so far: the latest one's fencing token, never used by two claims.
     pub attempt: u32,
+    /// Claims that count: a released one is given back, so that this may be
+    /// less than `attempt`.
+    pub attempts_used: u32,
     pub max_attempts: u32,
     pub cancel_requested: bool,
     /// Last reported progress of the current attempt.
@@ -154,6 +163,15 @@ pub struct Event {
     pub at: Timestamp,
     pub kind: EventKind,
     pub data: Value,
+}
+
+/// A hint that a job changed in this process.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct JobChange {
+    pub id: JobId,
+    pub kind: EventKind,
+    /// The job's version after the change.
+    pub version: u64,
 }
 
 /// Which jobs to list, newest first.

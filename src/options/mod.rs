@@ -17,7 +17,7 @@ pub use features::{
 pub use geometry::{
     CloudOptions, DepthRelation, EpipolarOptions, Estimator, ExportOptions, MergeOptions, Origin,
 };
-pub use parse::{OptionProblem, OptionProblems, merge, nested, parse, schema};
+pub use parse::{OptionProblem, OptionProblemKind, OptionProblems, merge, nested, parse, schema};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

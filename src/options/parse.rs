@@ -1,17 +1,28 @@
 use std::fmt;
 use std::sync::LazyLock;
 
-use jsonschema::Validator;
+use jsonschema::error::ValidationErrorKind;
+use jsonschema::{ValidationError, Validator};
 use schemars::generate::SchemaSettings;
 use serde_json::{Map, Value};
 
 use super::{Descriptor, Detector, Options};
+
+/// What kind of thing is wrong with an option.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OptionProblemKind {
+    /// There is no such option.
+    Unknown,
+    /// Its type or value is not accepted, or does not go with another's.
+    Invalid,
+}
 
 /// One thing wrong with the options, and where.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct OptionProblem {
     /// Dotted name, such as `disparity.block_size`; empty for the whole.
     pub option: String,
+    pub kind: OptionProblemKind,
     /// What is wrong and what would be accepted.
     pub detail: String,
 }
@@ -55,21 +66,34 @@ pub fn schema() -> &'static Value {
 pub fn parse(value: &Value) -> Result<Options, OptionProblems> {
     static VALIDATOR: LazyLock<Validator> =
         LazyLock::new(|| jsonschema::validator_for(schema()).expect("our own schema is valid"));
-    let problems: Vec<_> = VALIDATOR
-        .iter_errors(value)
-        .map(|error| OptionProblem {
-            option: error.instance_path().to_string().trim_start_matches('/').replace('/', "."),
-            detail: error.to_string(),
-        })
-        .collect();
+    let problems: Vec<_> = VALIDATOR.iter_errors(value).flat_map(|e| problems_of(&e)).collect();
     if !problems.is_empty() {
         return Err(OptionProblems(problems));
     }
     let options: Options = serde_json::from_value(value.clone()).map_err(|error| {
-        OptionProblems(vec![OptionProblem { option: String::new(), detail: error.to_string() }])
+        OptionProblems(vec![OptionProblem {
+            option: String::new(),
+            kind: OptionProblemKind::Invalid,
+            detail: error.to_string(),
+        }])
     })?;
     let problems = options.conflicts();
     if problems.is_empty() { Ok(options) } else { Err(OptionProblems(problems)) }
+}
+
+fn problems_of(error: &ValidationError<'_>) -> Vec<OptionProblem> {
+    let at = error.instance_path().to_string().trim_start_matches('/').replace('/', ".");
+    let ValidationErrorKind::AdditionalProperties { unexpected } = error.kind() else {
+        let detail = error.to_string();
+        return vec![OptionProblem { option: at, kind: OptionProblemKind::Invalid, detail }];
+    };
+    let place = if at.is_empty() { "the options".to_owned() } else { format!("`{at}`") };
+    let problem = |name: &String| OptionProblem {
+        option: if at.is_empty() { name.clone() } else { format!("{at}.{name}") },
+        kind: OptionProblemKind::Unknown,
+        detail: format!("there is no such option in {place}; /v1/options lists all"),
+    };
+    unexpected.iter().map(problem).collect()
 }
 
 /// The nested object of a dotted option: `("a.b", 1)` is `{"a": {"b": 1}}`.
@@ -96,8 +120,11 @@ pub fn merge(base: &mut Value, over: Value) {
 impl Options {
     /// Combinations that the schema cannot express.
     fn conflicts(&self) -> Vec<OptionProblem> {
-        let problem =
-            |option: &str, detail: String| OptionProblem { option: option.to_owned(), detail };
+        let problem = |option: &str, detail: String| OptionProblem {
+            option: option.to_owned(),
+            kind: OptionProblemKind::Invalid,
+            detail,
+        };
         let mut problems = Vec::new();
         if self.detection.detector == Detector::Sift && self.detection.descriptor == Descriptor::Orb
         {
@@ -154,14 +181,15 @@ mod tests {
     #[test]
     fn names_an_unknown_option() {
         let found = problems(json!({"disparity": {"blocksize": 5}}));
-        assert_eq!(found[0].option, "disparity");
-        assert!(found[0].detail.contains("blocksize"), "{found:?}");
+        assert_eq!(found[0].option, "disparity.blocksize");
+        assert_eq!(found[0].kind, OptionProblemKind::Unknown);
     }
 
     #[test]
     fn says_the_range_of_a_value_outside_it() {
         let found = problems(json!({"epipolar": {"confidence": 1.5}}));
         assert_eq!(found[0].option, "epipolar.confidence");
+        assert_eq!(found[0].kind, OptionProblemKind::Invalid);
         assert!(found[0].detail.contains("0.999999"), "{found:?}");
     }
 

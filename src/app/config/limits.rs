@@ -11,10 +11,20 @@ pub struct LimitConfig {
     #[arg(long, env = "TURNAROUND_MAX_IMAGE_MIB", value_name = "MIB", default_value_t = 32)]
     pub max_image_mib: u64,
     /// Most pixels of an image, megapixels
-    #[arg(long, env = "TURNAROUND_MAX_IMAGE_MEGAPIXELS", value_name = "MEGAPIXELS", default_value_t = 64)]
+    #[arg(
+        long,
+        env = "TURNAROUND_MAX_IMAGE_MEGAPIXELS",
+        value_name = "MEGAPIXELS",
+        default_value_t = 64
+    )]
     pub max_image_megapixels: u64,
     /// Largest width or height of an image, pixels
-    #[arg(long, env = "TURNAROUND_MAX_IMAGE_SIDE", value_name = "PIXELS", default_value_t = 16_384)]
+    #[arg(
+        long,
+        env = "TURNAROUND_MAX_IMAGE_SIDE",
+        value_name = "PIXELS",
+        default_value_t = 16_384
+    )]
     pub max_image_side: u32,
     /// Most views of a sheet
     #[arg(long, env = "TURNAROUND_MAX_VIEWS", value_name = "N", default_value_t = 64)]

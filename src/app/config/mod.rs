@@ -86,10 +86,7 @@ impl ConfigArgs {
             }
             figment = figment.merge(Toml::string(&text));
         }
-        figment
-            .merge(Serialized::defaults(&given))
-            .extract()
-            .context("reading the settings")
+        figment.merge(Serialized::defaults(&given)).extract().context("reading the settings")
     }
 }
 

@@ -1,0 +1,111 @@
+use std::convert::Infallible;
+use std::sync::Arc;
+use std::time::Duration;
+
+use async_stream::stream;
+use axum::extract::State;
+use axum::http::{HeaderMap, StatusCode};
+use axum::response::sse::{Event as ServerSentEvent, KeepAlive, Sse};
+use axum::response::{IntoResponse, Response};
+use futures::Stream;
+use serde_json::{Value, json};
+use tokio::time::Instant;
+
+use super::Api;
+use super::problem::Problem;
+use super::reconstructions::{Id, JobProblems};
+use super::wait::Watch;
+use crate::jobs::{Event, EventKind, JobId, StoreError};
+
+const KEEP_ALIVE: Duration = Duration::from_secs(15);
+
+/// Follow a reconstruction.
+///
+/// Server-sent events: `id` is the event's number, from 1 without gaps; `event`
+/// its kind (queued, started, progress, cancel_requested, requeued, succeeded,
+/// failed, cancelled); `data` a JSON object with `number`, `at`, `kind` and
+/// `data`. The stream begins after `Last-Event-ID` and ends after the final
+/// event; asking again after that gives 204, which ends a browser's attempts to
+/// reconnect.
+#[utoipa::path(
+    get,
+    path = "/v1/reconstructions/{id}/events",
+    tag = "reconstructions",
+    params(
+        ("id" = String, Path, format = "uuid", description = "The reconstruction"),
+        ("Last-Event-ID" = Option<u64>, Header, description = "Number of the last event received"),
+    ),
+    responses(
+        (status = 200, description = "Events, until the final one", body = String,
+         content_type = "text/event-stream"),
+        (status = 204, description = "The final event was received already"),
+        JobProblems,
+    )
+)]
+pub async fn events(
+    State(api): State<Arc<Api>>,
+    Id(id): Id,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let last = headers.get("last-event-id").and_then(|value| value.to_str().ok()?.parse().ok());
+    let last: u64 = last.unwrap_or(0);
+    let job = api.state.store.get(id).await?;
+    if job.state.is_final() && last >= job.version {
+        return Ok(StatusCode::NO_CONTENT.into_response());
+    }
+    let keep_alive = KeepAlive::new().interval(KEEP_ALIVE).text("still here");
+    Ok(Sse::new(follow(api, id, last)).keep_alive(keep_alive).into_response())
+}
+
+fn follow(
+    api: Arc<Api>,
+    id: JobId,
+    mut last: u64,
+) -> impl Stream<Item = Result<ServerSentEvent, Infallible>> {
+    stream! {
+        let mut watch = Watch::new(&api, id);
+        loop {
+            match api.state.store.events(id, last).await {
+                Ok(events) => for event in events {
+                    last = event.number;
+                    let is_final = is_final(event.kind);
+                    yield Ok(message(&event));
+                    if is_final {
+                        return;
+                    }
+                },
+                Err(StoreError::NotFound(_)) => return,
+                // The client comes back with the number of its last event.
+                Err(error) => {
+                    tracing::warn!(%id, %error, "event stream ends early");
+                    return;
+                }
+            }
+            tokio::select! {
+                () = watch.changed(Instant::now() + KEEP_ALIVE) => {}
+                () = api.state.shutdown.cancelled() => return,
+            }
+        }
+    }
+}
+
+fn message(event: &Event) -> ServerSentEvent {
+    let kind = kind(event.kind);
+    let data = json!({
+        "number": event.number,
+        "at": event.at,
+        "kind": kind,
+        "data": event.data,
+    });
+    // JSON text has no line breaks, which is all that could go wrong here.
+    let kind = kind.as_str().unwrap_or("message").to_owned();
+    ServerSentEvent::default().id(event.number.to_string()).event(kind).data(data.to_string())
+}
+
+fn kind(kind: EventKind) -> Value {
+    serde_json::to_value(kind).unwrap_or_default()
+}
+
+fn is_final(kind: EventKind) -> bool {
+    matches!(kind, EventKind::Succeeded | EventKind::Failed | EventKind::Cancelled)
+}

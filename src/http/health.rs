@@ -1,0 +1,89 @@
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::Json;
+use axum::extract::State;
+use axum::http::header;
+use axum::response::IntoResponse;
+use bytes::Bytes;
+use serde::Serialize;
+use utoipa::ToSchema;
+use uuid::Uuid;
+
+use super::Api;
+use super::openapi::problem_responses;
+use super::problem::{Problem, UNAVAILABLE};
+use crate::artifacts::Key;
+use crate::jobs::JobId;
+
+const PROBE_TIMEOUT: Duration = Duration::from_secs(5);
+
+problem_responses! { ReadyProblems: UNAVAILABLE }
+
+/// How the service is.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Health {
+    #[schema(example = "ok")]
+    pub status: &'static str,
+    /// Version of the service.
+    pub version: &'static str,
+}
+
+const OK: Health = Health { status: "ok", version: env!("CARGO_PKG_VERSION") };
+
+/// Whether the process answers.
+#[utoipa::path(
+    get,
+    path = "/health/live",
+    operation_id = "live",
+    tag = "service",
+    responses((status = 200, description = "It does", body = Health))
+)]
+pub async fn live() -> Json<Health> {
+    Json(OK)
+}
+
+/// Whether the service can take work.
+///
+/// Asks the job store to read and write, and writes a file to the byte store.
+#[utoipa::path(
+    get,
+    path = "/health/ready",
+    operation_id = "ready",
+    tag = "service",
+    responses((status = 200, description = "It can", body = Health), ReadyProblems)
+)]
+pub async fn ready(State(api): State<Arc<Api>>) -> Result<Json<Health>, Problem> {
+    if api.state.shutdown.is_cancelled() {
+        return Err(Problem::new(UNAVAILABLE, "the service is shutting down"));
+    }
+    let probe = async {
+        api.state.store.ping().await?;
+        // Belongs to no job, so the collector of ownerless bytes takes it.
+        let key = Key::Input { job: JobId(Uuid::nil()), name: "probe" };
+        let written = api.state.bytes.put(&key, Bytes::from_static(b"ok")).await;
+        written.map_err(|error| Problem::unavailable("byte store", &error))
+    };
+    match tokio::time::timeout(PROBE_TIMEOUT, probe).await {
+        Ok(result) => result.map(|()| Json(OK)),
+        Err(elapsed) => Err(Problem::unavailable("job store or byte store", &elapsed)),
+    }
+}
+
+/// Counters and gauges for Prometheus.
+#[utoipa::path(
+    get,
+    path = "/metrics",
+    operation_id = "prometheus",
+    tag = "service",
+    responses((status = 200, description = "Prometheus text format", body = String,
+               content_type = "text/plain"), ReadyProblems)
+)]
+pub async fn metrics(State(api): State<Arc<Api>>) -> Result<impl IntoResponse, Problem> {
+    let (queued, running) = api.state.store.depth().await?;
+    metrics::gauge!("turnaround_jobs_queued").set(queued as f64);
+    metrics::gauge!("turnaround_jobs_running").set(running as f64);
+    api.state.metrics.run_upkeep();
+    let content_type = [(header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")];
+    Ok((content_type, api.state.metrics.render()))
+}

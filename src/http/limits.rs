@@ -1,0 +1,60 @@
+use std::time::Duration;
+
+use crate::sheet::ImageLimits;
+
+/// What one client may ask of the service.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HttpLimits {
+    /// Each drawing and mask.
+    pub image: ImageLimits,
+    /// A whole upload, bytes.
+    pub max_body_bytes: u64,
+    /// Views of one reconstruction.
+    pub max_views: usize,
+    /// Each JSON part of an upload, bytes.
+    pub max_document_bytes: usize,
+    /// All uploads being received at a time, bytes in memory.
+    pub max_upload_memory_bytes: u64,
+    /// Pictures being checked at a time, each on a thread of its own.
+    pub concurrent_decodes: usize,
+    /// From the first byte of an upload to its answer.
+    pub upload_timeout: Duration,
+    /// For every other answer to begin, long polls apart.
+    pub answer_timeout: Duration,
+}
+
+impl Default for HttpLimits {
+    fn default() -> Self {
+        Self {
+            image: ImageLimits::default(),
+            max_body_bytes: 256 << 20,
+            max_views: 64,
+            max_document_bytes: 1 << 20,
+            max_upload_memory_bytes: 768 << 20,
+            concurrent_decodes: 2,
+            upload_timeout: Duration::from_secs(600),
+            answer_timeout: Duration::from_secs(30),
+        }
+    }
+}
+
+/// How long the server waits for a client, and at its end for itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ServerTimeouts {
+    /// For a request's header to arrive; also closes idle connections.
+    pub header_read: Duration,
+    /// For the next bytes of a request's body.
+    pub body_idle: Duration,
+    /// For open connections to end at a shutdown.
+    pub shutdown_grace: Duration,
+}
+
+impl Default for ServerTimeouts {
+    fn default() -> Self {
+        Self {
+            header_read: Duration::from_secs(10),
+            body_idle: Duration::from_secs(30),
+            shutdown_grace: Duration::from_secs(10),
+        }
+    }
+}

@@ -1,0 +1,169 @@
+//! The description of the API (OpenAPI 3.1), made from the handlers and from
+//! the schemas of options and sheet documents.
+
+use std::collections::BTreeMap;
+
+use schemars::generate::SchemaSettings;
+use serde_json::{Map, Value, json};
+use utoipa::OpenApi;
+use utoipa::openapi::{ContentBuilder, Ref, RefOr, Response, ResponseBuilder};
+
+use super::problem::{ProblemDocument, ProblemType};
+use super::router::routes;
+use crate::options;
+use crate::sheet::SheetDocument;
+
+#[derive(OpenApi)]
+#[openapi(
+    info(
+        title = "Turnaround",
+        description = "Turns a model sheet (drawn views at known angles) into depth maps, metrics and a 3D draft. Errors are problem details (RFC 9457)."
+    ),
+    components(schemas(ProblemDocument)),
+    tags(
+        (name = "reconstructions", description = "Sheets on their way to a draft"),
+        (name = "artifacts", description = "What came out"),
+        (name = "service", description = "The service itself"),
+    )
+)]
+pub struct Description;
+
+/// Says which problems an operation answers with.
+macro_rules! problem_responses {
+    ($visibility:vis $name:ident: $($kind:path),* $(,)?) => {
+        $visibility struct $name;
+
+        impl utoipa::IntoResponses for $name {
+            fn responses() -> std::collections::BTreeMap<
+                String,
+                utoipa::openapi::RefOr<utoipa::openapi::Response>,
+            > {
+                $crate::http::openapi::responses_of(&[$($kind),*])
+            }
+        }
+    };
+}
+pub(super) use problem_responses;
+
+/// One response a status, which names its kinds of problem.
+pub fn responses_of(kinds: &[ProblemType]) -> BTreeMap<String, RefOr<Response>> {
+    let mut by_status: BTreeMap<String, Vec<String>> = BTreeMap::new();
+    for kind in kinds {
+        let line = format!("`{}`: {}", kind.uri(), kind.title);
+        by_status.entry(kind.status.as_str().to_owned()).or_default().push(line);
+    }
+    by_status
+        .into_iter()
+        .map(|(status, lines)| {
+            let schema = Ref::from_schema_name("Problem");
+            let content = ContentBuilder::new().schema(Some(schema)).build();
+            let response = ResponseBuilder::new()
+                .description(lines.join("\n\n"))
+                .content("application/problem+json", content)
+                .build();
+            (status, RefOr::T(response))
+        })
+        .collect()
+}
+
+/// For fields that hold options.
+pub fn options_reference() -> Ref {
+    Ref::from_schema_name("Options")
+}
+
+/// The description, complete.
+pub fn openapi() -> Value {
+    let (_, description) = routes().split_for_parts();
+    let mut document = serde_json::to_value(description).unwrap_or_default();
+    name_wildcards(&mut document);
+    tell_head_from_get(&mut document);
+    describe_upload(&mut document);
+    for (name, schema) in foreign_schemas() {
+        document["components"]["schemas"][name] = schema;
+    }
+    document
+}
+
+/// Schemas that are made elsewhere, as components.
+fn foreign_schemas() -> Map<String, Value> {
+    let mut options = options::schema().clone();
+    if let Some(schema) = options.as_object_mut() {
+        schema.remove("$schema");
+    }
+    let mut sheet = SchemaSettings::draft2020_12()
+        .with(|settings| settings.inline_subschemas = true)
+        .into_generator()
+        .into_root_schema_for::<SheetDocument>()
+        .to_value();
+    if let Some(schema) = sheet.as_object_mut() {
+        schema.remove("$schema");
+    }
+    sheet["properties"]["options"] = json!({
+        "$ref": "#/components/schemas/Options",
+        "description": "Options, nested by stage."
+    });
+    Map::from_iter([
+        ("Options".to_owned(), options),
+        ("SheetDocument".to_owned(), sheet),
+        ("Upload".to_owned(), upload_schema()),
+    ])
+}
+
+fn upload_schema() -> Value {
+    let picture = json!({"type": "string", "format": "binary"});
+    json!({
+        "type": "object",
+        "description": "One of three forms: parts `view[AZIMUTH]`; a part `sheet` with the files it names, as parts `image` found by their file names or as parts named like the files; a part `source`. Options come as a part `options`, and singly by their dotted names, such as `disparity.block_size`; later ones in this list lie over earlier ones: the source's, the sheet's, the part's, single ones.",
+        "properties": {
+            "sheet": {"$ref": "#/components/schemas/SheetDocument"},
+            "image": {"type": "array", "items": picture,
+                "description": "The files that the sheet names."},
+            "options": {"$ref": "#/components/schemas/Options"},
+            "source": {"type": "string", "format": "uuid",
+                "description": "An earlier reconstruction: its views are taken again, and its options for those not given."},
+            "view[0]": picture, "view[45]": picture, "view[90]": picture,
+        },
+        "patternProperties": {
+            "^view\\[.+\\]$": {"type": "string", "format": "binary",
+                "description": "The drawing (PNG, JPEG, WebP, TIFF) at this azimuth in degrees."},
+            "^mask\\[.+\\]$": {"type": "string", "format": "binary",
+                "description": "The mask of the drawing at this azimuth: white inside."},
+        },
+        "additionalProperties": {"type": "string", "description": "A single option."},
+    })
+}
+
+fn describe_upload(document: &mut Value) {
+    let body = &mut document["paths"]["/v1/reconstructions"]["post"]["requestBody"];
+    body["required"] = true.into();
+    body["content"]["multipart/form-data"]["encoding"] = json!({
+        "sheet": {"contentType": "application/json"},
+        "options": {"contentType": "application/json"},
+        "image": {"contentType": "image/png, image/jpeg, image/webp, image/tiff"},
+    });
+}
+
+/// OpenAPI has no parameters with slashes; it is named like any other.
+fn name_wildcards(document: &mut Value) {
+    let Some(paths) = document["paths"].as_object_mut() else { return };
+    *paths = std::mem::take(paths)
+        .into_iter()
+        .map(|(path, item)| (path.replace("{*", "{"), item))
+        .collect();
+}
+
+/// Operation ids must be unique, and a HEAD answers without a body.
+fn tell_head_from_get(document: &mut Value) {
+    let Some(paths) = document["paths"].as_object_mut() else { return };
+    for operation in paths.values_mut().filter_map(|item| item.get_mut("head")) {
+        if let Some(id) = operation["operationId"].as_str() {
+            operation["operationId"] = format!("head_{id}").into();
+        }
+        for response in operation["responses"].as_object_mut().into_iter().flat_map(Map::values_mut)
+        {
+            if let Some(response) = response.as_object_mut() {
+                response.remove("content");
+            }
+        }
+    }
+}

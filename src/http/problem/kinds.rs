@@ -1,0 +1,182 @@
+use axum::http::StatusCode;
+
+/// A kind of problem, served as a page at `/problems/{name}`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ProblemType {
+    pub name: &'static str,
+    pub status: StatusCode,
+    pub title: &'static str,
+    /// What it means and how to mend it, for the page.
+    pub about: &'static str,
+}
+
+macro_rules! problem_types {
+    ($($id:ident = $status:ident $name:literal, $title:literal, $about:literal;)*) => {
+        $(pub const $id: ProblemType = ProblemType {
+            name: $name,
+            status: StatusCode::$status,
+            title: $title,
+            about: $about,
+        };)*
+
+        /// Every kind, in the order of the documentation.
+        pub const ALL: &[ProblemType] = &[$($id),*];
+    };
+}
+
+problem_types! {
+    UNSUPPORTED_MEDIA_TYPE = UNSUPPORTED_MEDIA_TYPE "unsupported-media-type",
+        "The request's media type is not supported",
+        "Send drawings as multipart/form-data, as curl -F does, and let the client write the boundary.";
+    MALFORMED_MULTIPART = BAD_REQUEST "malformed-multipart",
+        "The multipart body is malformed",
+        "The body ended early or its parts and boundaries do not fit RFC 7578. Send it again with a client that writes multipart/form-data itself.";
+    INVALID_PART_NAME = BAD_REQUEST "invalid-part-name",
+        "A part has no usable name",
+        "Every part needs a Content-Disposition with a name in UTF-8 of at most 200 bytes, such as view[45].";
+    BODY_TOO_LARGE = PAYLOAD_TOO_LARGE "body-too-large",
+        "The request body is too large",
+        "The whole upload is over the limit. Send smaller pictures or fewer of them.";
+    PART_TOO_LARGE = PAYLOAD_TOO_LARGE "part-too-large",
+        "A part has too many bytes",
+        "One picture or document is over the limit of its kind. Compress or shrink it.";
+    TOO_MANY_PIXELS = PAYLOAD_TOO_LARGE "too-many-pixels",
+        "A picture has too many pixels",
+        "The size in the picture's header is over the limit; no pixel was decoded. Scale the picture down.";
+    TOO_MANY_VIEWS = UNPROCESSABLE_ENTITY "too-many-views",
+        "There are too many views",
+        "The sheet has more views than one reconstruction takes. Leave some out.";
+    TOO_FEW_VIEWS = UNPROCESSABLE_ENTITY "too-few-views",
+        "There are fewer views than the method takes",
+        "Add views, or choose a method that takes fewer.";
+    MISSING_PART = UNPROCESSABLE_ENTITY "missing-part",
+        "A part is missing",
+        "Send the drawings as parts view[AZIMUTH], or a part sheet with the files it names, or a part source with the id of an earlier reconstruction.";
+    UNKNOWN_PART = UNPROCESSABLE_ENTITY "unknown-part",
+        "A part is not known",
+        "Parts are view[AZIMUTH], mask[AZIMUTH], sheet, image, mask, options, source and single options by their dotted names. A file in the sheet form must be named by the sheet document.";
+    DUPLICATE_PART = UNPROCESSABLE_ENTITY "duplicate-part",
+        "A part is given twice",
+        "Give every part, every option and every file name once.";
+    CONFLICTING_PARTS = UNPROCESSABLE_ENTITY "conflicting-parts",
+        "Parts of different upload forms are mixed",
+        "Use one form: view[AZIMUTH] parts, or a sheet document with its files, or a source.";
+    MISSING_FILE = UNPROCESSABLE_ENTITY "missing-file",
+        "The sheet names a file that was not sent",
+        "Send a part with that file name for every picture that the sheet document names.";
+    DUPLICATE_AZIMUTH = UNPROCESSABLE_ENTITY "duplicate-azimuth",
+        "Two views have the same azimuth",
+        "Give each angle once. Angles a full turn apart are the same: 360 and 0, or -45 and 315.";
+    INVALID_ANGLE = UNPROCESSABLE_ENTITY "invalid-angle",
+        "An angle is not a finite number of degrees",
+        "Write angles as decimal degrees, such as view[22.5].";
+    DIFFERING_SIZES = UNPROCESSABLE_ENTITY "differing-sizes",
+        "The pictures' sizes differ",
+        "The method takes views of one width and height, and a mask has the size of its drawing. Pad or scale the pictures.";
+    EMPTY_FILE = UNPROCESSABLE_ENTITY "empty-file",
+        "A file is empty",
+        "The part has no bytes. Check the path that the client read the file from.";
+    NOT_AN_IMAGE = UNPROCESSABLE_ENTITY "not-an-image",
+        "A file is not an image",
+        "Drawings and masks are PNG, JPEG, WebP or TIFF files; the file's first bytes decide, not its name.";
+    DAMAGED_IMAGE = UNPROCESSABLE_ENTITY "damaged-image",
+        "An image is damaged or truncated",
+        "The file starts like an image but cannot be decoded to its end. Export it again.";
+    INVALID_JSON = BAD_REQUEST "invalid-json",
+        "A part is not valid JSON",
+        "The parts sheet and options are JSON documents (RFC 8259) in UTF-8. NaN and Infinity are not JSON.";
+    INVALID_SHEET = UNPROCESSABLE_ENTITY "invalid-sheet",
+        "The sheet document is not valid",
+        "A key is unknown or missing, or a value has the wrong type or range. The API description has the document's schema.";
+    UNKNOWN_OPTION = UNPROCESSABLE_ENTITY "unknown-option",
+        "An option is not known",
+        "/v1/options lists every option with its type, range, unit, default and meaning.";
+    INVALID_OPTION = UNPROCESSABLE_ENTITY "invalid-option",
+        "An option's value is not accepted",
+        "The value has the wrong type, is out of range, or does not go with another option. /v1/options has the ranges.";
+    UNKNOWN_SOURCE = UNPROCESSABLE_ENTITY "unknown-source",
+        "There is no reconstruction to take the views from",
+        "The part source must be the id of a reconstruction that has not been deleted.";
+    INVALID_QUERY = BAD_REQUEST "invalid-query",
+        "A query parameter is not valid",
+        "A parameter is unknown or its value cannot be read. The API description lists what each operation takes.";
+    NOT_FOUND = NOT_FOUND "not-found",
+        "There is nothing at this path",
+        "Check the path against the API description at /docs.";
+    UNKNOWN_RECONSTRUCTION = NOT_FOUND "unknown-reconstruction",
+        "There is no such reconstruction",
+        "It was deleted or never existed. /v1/reconstructions lists those there are.";
+    UNKNOWN_ARTIFACT = NOT_FOUND "unknown-artifact",
+        "There is no such artifact",
+        "Artifacts exist once a reconstruction has succeeded; which of them depends on the method. Its list of artifacts has their names.";
+    METHOD_NOT_ALLOWED = METHOD_NOT_ALLOWED "method-not-allowed",
+        "The method is not allowed here",
+        "The Allow header lists the methods of this resource.";
+    ALREADY_FINISHED = CONFLICT "already-finished",
+        "The reconstruction is finished already",
+        "Only queued and running reconstructions can be cancelled.";
+    STILL_RUNNING = CONFLICT "still-running",
+        "The reconstruction is running",
+        "Cancel it first, wait until it has stopped, then delete it.";
+    PRECONDITION_FAILED = PRECONDITION_FAILED "precondition-failed",
+        "A precondition does not hold",
+        "The If-Match header names another version of the resource. Get it again.";
+    RANGE_NOT_SATISFIABLE = RANGE_NOT_SATISFIABLE "range-not-satisfiable",
+        "The range lies outside the artifact",
+        "The Content-Range header has the artifact's length in bytes.";
+    REQUEST_TIMEOUT = REQUEST_TIMEOUT "request-timeout",
+        "The request took too long to arrive",
+        "The client stopped sending, or sent too slowly. Send the request again.";
+    BUSY = SERVICE_UNAVAILABLE "busy",
+        "The service is busy",
+        "Too many uploads are being received, or the answer took too long. Try again after the time in Retry-After.";
+    UNAVAILABLE = SERVICE_UNAVAILABLE "unavailable",
+        "The service cannot answer now",
+        "Its database or store cannot be reached, or it is shutting down. Try again after the time in Retry-After.";
+    INTERNAL = INTERNAL_SERVER_ERROR "internal",
+        "Something went wrong inside the service",
+        "This is a fault of the service. Its log has the cause under the id in the X-Request-Id header.";
+    BAD_REQUEST = BAD_REQUEST "bad-request",
+        "The request cannot be understood",
+        "A header or the path is malformed.";
+}
+
+impl ProblemType {
+    /// The kind with this name.
+    pub fn named(name: &str) -> Option<&'static Self> {
+        ALL.iter().find(|kind| kind.name == name)
+    }
+
+    /// The kind for an error that only has a status.
+    pub(super) fn of_status(status: StatusCode) -> Self {
+        match status {
+            StatusCode::NOT_FOUND => NOT_FOUND,
+            StatusCode::METHOD_NOT_ALLOWED => METHOD_NOT_ALLOWED,
+            StatusCode::PAYLOAD_TOO_LARGE => BODY_TOO_LARGE,
+            StatusCode::UNSUPPORTED_MEDIA_TYPE => UNSUPPORTED_MEDIA_TYPE,
+            StatusCode::REQUEST_TIMEOUT => REQUEST_TIMEOUT,
+            StatusCode::SERVICE_UNAVAILABLE => BUSY,
+            status if status.is_server_error() => INTERNAL,
+            _ => BAD_REQUEST,
+        }
+    }
+
+    /// The relative URI of the kind's page.
+    pub fn uri(&self) -> String {
+        format!("/problems/{}", self.name)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_unique_and_fit_a_path() {
+        let mut names: Vec<_> = ALL.iter().map(|kind| kind.name).collect();
+        assert!(names.iter().all(|n| n.bytes().all(|b| b.is_ascii_lowercase() || b == b'-')));
+        names.sort_unstable();
+        names.dedup();
+        assert_eq!(names.len(), ALL.len());
+    }
+}

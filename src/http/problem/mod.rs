@@ -1,0 +1,198 @@
+//! Problem details (RFC 9457): every error answer of the service.
+
+mod kinds;
+mod render;
+
+pub use kinds::*;
+pub(super) use render::{panicked, render};
+
+use axum::http::{HeaderMap, HeaderName, HeaderValue, header};
+use axum::response::{IntoResponse, Response};
+use serde::Serialize;
+use utoipa::ToSchema;
+
+use crate::jobs::StoreError;
+use crate::options::{OptionProblemKind, OptionProblems};
+
+/// The longest detail sent, bytes: details may quote what the client sent.
+const MAX_DETAIL_BYTES: usize = 600;
+
+/// An error on its way to the client.
+#[derive(Clone, Debug)]
+pub struct Problem {
+    kind: ProblemType,
+    detail: String,
+    part: Option<String>,
+    parameter: Option<String>,
+    errors: Vec<OptionError>,
+    headers: HeaderMap,
+}
+
+/// One thing wrong with the options.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, ToSchema)]
+pub struct OptionError {
+    /// Dotted name, such as `disparity.block_size`; empty for the whole.
+    pub option: String,
+    /// What is wrong and what would be accepted.
+    pub detail: String,
+}
+
+/// Problem details (RFC 9457), as `application/problem+json`.
+#[derive(Clone, Debug, Serialize, ToSchema)]
+#[schema(as = Problem)]
+pub struct ProblemDocument {
+    /// Kind of problem, a relative URI that leads to a page about it.
+    #[serde(rename = "type")]
+    #[schema(format = "uri-reference", example = "/problems/not-an-image")]
+    pub kind: String,
+    /// Summary of the kind.
+    pub title: &'static str,
+    /// HTTP status.
+    #[schema(minimum = 400, maximum = 599)]
+    pub status: u16,
+    /// What happened, where, and how to mend it.
+    pub detail: String,
+    /// Path of the request.
+    #[schema(format = "uri-reference")]
+    pub instance: String,
+    /// Name of the part to blame, such as `view[45]`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub part: Option<String>,
+    /// Name of the query parameter to blame.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub parameter: Option<String>,
+    /// Every option that is wrong.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub errors: Vec<OptionError>,
+}
+
+impl Problem {
+    pub fn new(kind: ProblemType, detail: impl Into<String>) -> Self {
+        Self {
+            kind,
+            detail: shorten(detail.into()),
+            part: None,
+            parameter: None,
+            errors: Vec::new(),
+            headers: HeaderMap::new(),
+        }
+    }
+
+    /// Names the part of the upload that is to blame.
+    pub fn part(self, part: impl Into<String>) -> Self {
+        Self { part: Some(part.into()), ..self }
+    }
+
+    /// Names the query parameter that is to blame.
+    pub fn parameter(self, parameter: impl Into<String>) -> Self {
+        Self { parameter: Some(parameter.into()), ..self }
+    }
+
+    pub fn header(mut self, name: HeaderName, value: impl Into<HeaderValue>) -> Self {
+        self.headers.insert(name, value.into());
+        self
+    }
+
+    /// Everything wrong with the options.
+    pub fn options(problems: &OptionProblems) -> Self {
+        let unknown = problems.0.iter().any(|p| p.kind == OptionProblemKind::Unknown);
+        let kind = if unknown { UNKNOWN_OPTION } else { INVALID_OPTION };
+        let errors = problems.0.iter().map(|problem| OptionError {
+            option: problem.option.clone(),
+            detail: shorten(problem.detail.clone()),
+        });
+        // A list of hundreds helps nobody.
+        Self { errors: errors.take(50).collect(), ..Self::new(kind, problems.to_string()) }
+    }
+
+    /// A fault of the service: the cause goes to the log, not to the client.
+    pub fn internal(context: &str, cause: &dyn std::fmt::Display) -> Self {
+        tracing::error!(context, %cause, "request failed");
+        Self::new(INTERNAL, "the service failed to answer; its log has the cause")
+    }
+
+    /// Something that the service needs cannot be reached.
+    pub fn unavailable(context: &str, cause: &dyn std::fmt::Display) -> Self {
+        tracing::error!(context, %cause, "unavailable");
+        Self::new(UNAVAILABLE, format!("the {context} cannot be reached; try again later"))
+            .header(header::RETRY_AFTER, HeaderValue::from_static("5"))
+    }
+
+    /// Too much is going on.
+    pub fn busy(detail: &str) -> Self {
+        Self::new(BUSY, detail).header(header::RETRY_AFTER, HeaderValue::from_static("5"))
+    }
+
+    fn document(&self, instance: &str) -> ProblemDocument {
+        ProblemDocument {
+            kind: self.kind.uri(),
+            title: self.kind.title,
+            status: self.kind.status.as_u16(),
+            detail: self.detail.clone(),
+            instance: instance.to_owned(),
+            part: self.part.clone(),
+            parameter: self.parameter.clone(),
+            errors: self.errors.clone(),
+        }
+    }
+}
+
+impl From<StoreError> for Problem {
+    fn from(error: StoreError) -> Self {
+        match error {
+            StoreError::NotFound(id) => {
+                Self::new(UNKNOWN_RECONSTRUCTION, format!("there is no reconstruction {id}"))
+            }
+            StoreError::Finished { id } => Self::new(
+                ALREADY_FINISHED,
+                format!("reconstruction {id} is finished already, so it cannot be cancelled"),
+            ),
+            StoreError::Running { id } => Self::new(
+                STILL_RUNNING,
+                format!("reconstruction {id} is running; cancel it and wait, then delete it"),
+            ),
+            StoreError::LeaseLost { .. } => Self::internal("job store", &error),
+            StoreError::Backend(cause) => Self::unavailable("job store", &cause),
+        }
+    }
+}
+
+/// The body is written by [`render`], which knows the path.
+impl IntoResponse for Problem {
+    fn into_response(self) -> Response {
+        let mut response = self.kind.status.into_response();
+        response.headers_mut().extend(self.headers.clone());
+        response.extensions_mut().insert(self);
+        response
+    }
+}
+
+fn shorten(mut text: String) -> String {
+    if text.len() > MAX_DETAIL_BYTES {
+        let end = (0..=MAX_DETAIL_BYTES).rev().find(|at| text.is_char_boundary(*at));
+        text.truncate(end.unwrap_or(0));
+        text.push('…');
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn long_details_are_cut_between_characters() {
+        let problem = Problem::new(INTERNAL, "ä".repeat(1000));
+        assert!(problem.detail.len() <= MAX_DETAIL_BYTES + '…'.len_utf8());
+        assert!(problem.detail.ends_with("ä…"));
+    }
+
+    #[test]
+    fn an_unknown_option_outranks_an_invalid_one() {
+        let value = serde_json::json!({"disparity": {"block_size": 8}, "speed": 1});
+        let problem = Problem::options(&crate::options::parse(&value).unwrap_err());
+        assert_eq!(problem.kind, UNKNOWN_OPTION);
+        let named: Vec<_> = problem.errors.iter().map(|e| e.option.as_str()).collect();
+        assert!(named.contains(&"speed") && named.contains(&"disparity.block_size"), "{named:?}");
+    }
+}

@@ -1,0 +1,62 @@
+use std::any::Any;
+
+use axum::body::{self, Body};
+use axum::extract::Request;
+use axum::http::{HeaderValue, header};
+use axum::middleware::Next;
+use axum::response::{IntoResponse, Response};
+
+use super::{INTERNAL, Problem, ProblemType};
+
+const PROBLEM_JSON: HeaderValue = HeaderValue::from_static("application/problem+json");
+
+/// Writes the body of every error answer: those of the handlers and those that
+/// the framework and its layers make by themselves.
+pub async fn render(request: Request, next: Next) -> Response {
+    let instance = request.uri().path().to_owned();
+    let mut response = next.run(request).await;
+    if !response.status().is_client_error() && !response.status().is_server_error() {
+        return response;
+    }
+    let problem = match response.extensions_mut().remove::<Problem>() {
+        Some(problem) => problem,
+        None => framework_problem(&mut response).await,
+    };
+    let body = serde_json::to_vec(&problem.document(&instance)).unwrap_or_default();
+    let headers = response.headers_mut();
+    for name in [header::CONTENT_LENGTH, header::CONTENT_ENCODING, header::ETAG] {
+        headers.remove(name);
+    }
+    headers.insert(header::CONTENT_TYPE, PROBLEM_JSON);
+    headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
+    *response.body_mut() = Body::from(body);
+    response
+}
+
+/// What the framework meant: its status, and its text if it is short.
+async fn framework_problem(response: &mut Response) -> Problem {
+    let kind = ProblemType::of_status(response.status());
+    let kind = ProblemType { status: response.status(), ..kind };
+    let is_text = response
+        .headers()
+        .get(header::CONTENT_TYPE)
+        .is_some_and(|value| value.as_bytes().starts_with(b"text/plain"));
+    let text = body::to_bytes(std::mem::take(response.body_mut()), 1024).await.unwrap_or_default();
+    match std::str::from_utf8(&text) {
+        Ok(text) if is_text && !text.is_empty() && kind.status.is_client_error() => {
+            Problem::new(kind, text)
+        }
+        _ => Problem::new(kind, kind.about),
+    }
+}
+
+/// The answer to a panic in a handler.
+pub fn panicked(cause: Box<dyn Any + Send + 'static>) -> Response {
+    let message = cause
+        .downcast_ref::<String>()
+        .map(String::as_str)
+        .or_else(|| cause.downcast_ref::<&str>().copied())
+        .unwrap_or("no message");
+    tracing::error!(panic = message, "a handler panicked");
+    Problem::new(INTERNAL, "the service failed to answer; its log has the cause").into_response()
+}

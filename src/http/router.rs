@@ -1,0 +1,98 @@
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::Router;
+use axum::extract::DefaultBodyLimit;
+use axum::http::{Method, StatusCode, Uri};
+use tower_http::compression::CompressionLayer;
+use tower_http::timeout::TimeoutLayer;
+use utoipa::OpenApi;
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes as paths;
+
+use super::conditional::MAX_WAIT;
+use super::layers;
+use super::openapi::Description;
+use super::problem::{METHOD_NOT_ALLOWED, NOT_FOUND, Problem};
+use super::state::{Api, ApiState};
+use super::{HttpLimits, artifacts, events, health, pages, reconstructions};
+
+/// The whole interface over `state`.
+pub fn router(state: ApiState, limits: &HttpLimits) -> Router {
+    let cors = layers::cors(&state.cors_origins);
+    let within =
+        |time: Duration| TimeoutLayer::with_status_code(StatusCode::SERVICE_UNAVAILABLE, time);
+    let answer = limits.answer_timeout;
+    let quick = quick_routes().layer(within(answer));
+    let patient = patient_routes().layer(within(answer + MAX_WAIT));
+    let whole = content_routes().layer(within(answer));
+    let (routes, _) = OpenApiRouter::new()
+        .merge(quick)
+        .merge(patient)
+        .merge(upload_routes())
+        .merge(stream_routes())
+        .layer(CompressionLayer::new())
+        .merge(whole)
+        .split_for_parts();
+    let router = routes
+        .merge(pages::docs())
+        .fallback(nothing_here)
+        .method_not_allowed_fallback(wrong_method)
+        // Uploads have limits of their own; nothing else has a body.
+        .layer(DefaultBodyLimit::max(64 << 10));
+    layers::wrap(router, cors).with_state(Api::new(state, *limits))
+}
+
+/// Every described route.
+pub fn routes() -> OpenApiRouter<Arc<Api>> {
+    OpenApiRouter::with_openapi(Description::openapi())
+        .merge(upload_routes())
+        .merge(quick_routes())
+        .merge(patient_routes())
+        .merge(stream_routes())
+        .merge(content_routes())
+}
+
+fn quick_routes() -> OpenApiRouter<Arc<Api>> {
+    OpenApiRouter::new()
+        .routes(paths!(reconstructions::list))
+        .routes(paths!(reconstructions::delete))
+        .routes(paths!(reconstructions::cancel))
+        .routes(paths!(artifacts::list))
+        .routes(paths!(pages::options))
+        .routes(paths!(pages::description))
+        .routes(paths!(pages::problems))
+        .routes(paths!(pages::problem))
+        .routes(paths!(health::live))
+        .routes(paths!(health::ready))
+        .routes(paths!(health::metrics))
+}
+
+/// Takes up to [`MAX_WAIT`] if the client likes.
+fn patient_routes() -> OpenApiRouter<Arc<Api>> {
+    OpenApiRouter::new().routes(paths!(reconstructions::get))
+}
+
+/// Limits its time by itself, as uploads may take long.
+fn upload_routes() -> OpenApiRouter<Arc<Api>> {
+    OpenApiRouter::new().routes(paths!(reconstructions::create))
+}
+
+fn stream_routes() -> OpenApiRouter<Arc<Api>> {
+    OpenApiRouter::new().routes(paths!(events::events))
+}
+
+/// Sent as they are stored: compressing would break strong ETags and ranges.
+fn content_routes() -> OpenApiRouter<Arc<Api>> {
+    OpenApiRouter::new().routes(paths!(artifacts::artifact)).routes(paths!(artifacts::metrics))
+}
+
+async fn nothing_here(uri: Uri) -> Problem {
+    Problem::new(NOT_FOUND, format!("there is nothing at `{}`; /docs lists all paths", uri.path()))
+}
+
+async fn wrong_method(method: Method, uri: Uri) -> Problem {
+    let detail =
+        format!("`{}` does not take {method}; the Allow header lists what it takes", uri.path());
+    Problem::new(METHOD_NOT_ALLOWED, detail)
+}

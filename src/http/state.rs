@@ -1,0 +1,40 @@
+use std::sync::Arc;
+
+use metrics_exporter_prometheus::PrometheusHandle;
+use tokio_util::sync::CancellationToken;
+
+use super::HttpLimits;
+use super::upload::{Budget, Decoders};
+use crate::artifacts::ByteStore;
+use crate::jobs::JobStore;
+
+/// What the handlers work with.
+#[derive(Clone)]
+pub struct ApiState {
+    pub store: Arc<dyn JobStore>,
+    pub bytes: ByteStore,
+    /// Renders `/metrics`.
+    pub metrics: PrometheusHandle,
+    /// How often each job may be tried.
+    pub max_attempts: u32,
+    /// Origins whose pages may use the service; `*` for all.
+    pub cors_origins: Vec<String>,
+    /// Ends event streams and long polls.
+    pub shutdown: CancellationToken,
+}
+
+/// State and limits, as the handlers share them.
+pub struct Api {
+    pub state: ApiState,
+    pub limits: HttpLimits,
+    pub budget: Budget,
+    pub decoders: Decoders,
+}
+
+impl Api {
+    pub fn new(state: ApiState, limits: HttpLimits) -> Arc<Self> {
+        let budget = Budget::new(limits.max_upload_memory_bytes);
+        let decoders = Decoders::new(limits.concurrent_decodes);
+        Arc::new(Self { state, limits, budget, decoders })
+    }
+}

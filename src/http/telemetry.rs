@@ -1,0 +1,72 @@
+//! Counts and times of requests.
+
+use std::sync::{Mutex, PoisonError};
+use std::time::Instant;
+
+use axum::extract::{MatchedPath, Request};
+use axum::http::Method;
+use axum::middleware::Next;
+use axum::response::Response;
+use metrics_exporter_prometheus::{BuildError, PrometheusBuilder, PrometheusHandle};
+
+const BUCKETS_S: [f64; 12] =
+    [0.001, 0.0025, 0.005, 0.01, 0.02, 0.05, 0.1, 0.25, 1.0, 5.0, 30.0, 120.0];
+
+/// The process's metrics; the first call begins to record them.
+///
+/// # Errors
+/// If the process records its metrics elsewhere already.
+pub fn prometheus() -> Result<PrometheusHandle, BuildError> {
+    static HANDLE: Mutex<Option<PrometheusHandle>> = Mutex::new(None);
+    let mut handle = HANDLE.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(handle) = &*handle {
+        return Ok(handle.clone());
+    }
+    let recorder = PrometheusBuilder::new().set_buckets(&BUCKETS_S)?.build_recorder();
+    let built = recorder.handle();
+    metrics::set_global_recorder(recorder)?;
+    describe();
+    Ok(handle.insert(built).clone())
+}
+
+fn describe() {
+    use metrics::{Unit, describe_counter, describe_gauge, describe_histogram};
+    describe_counter!("turnaround_http_requests_total", "Requests answered");
+    describe_histogram!(
+        "turnaround_http_request_duration_seconds",
+        Unit::Seconds,
+        "From a request's header to its answer's header"
+    );
+    describe_gauge!("turnaround_jobs_queued", "Jobs that wait for a worker");
+    describe_gauge!("turnaround_jobs_running", "Jobs that a worker holds");
+}
+
+/// Counts and times a request. Routes are labels, not paths: ids would make a
+/// series each.
+pub async fn measure(request: Request, next: Next) -> Response {
+    let begun = Instant::now();
+    let method = method_label(request.method());
+    let route = match request.extensions().get::<MatchedPath>() {
+        Some(route) => route.as_str().to_owned(),
+        None => "unmatched".to_owned(),
+    };
+    let response = next.run(request).await;
+    let status = response.status().as_u16().to_string();
+    let labels = [("method", method.to_owned()), ("route", route.clone()), ("status", status)];
+    metrics::counter!("turnaround_http_requests_total", &labels).increment(1);
+    let labels = [("method", method.to_owned()), ("route", route)];
+    metrics::histogram!("turnaround_http_request_duration_seconds", &labels)
+        .record(begun.elapsed().as_secs_f64());
+    response
+}
+
+fn method_label(method: &Method) -> &'static str {
+    match *method {
+        Method::GET => "GET",
+        Method::HEAD => "HEAD",
+        Method::POST => "POST",
+        Method::DELETE => "DELETE",
+        Method::OPTIONS => "OPTIONS",
+        _ => "other",
+    }
+}

@@ -1,0 +1,305 @@
+use std::collections::BTreeMap;
+
+use bytes::Bytes;
+use serde_json::{Map, Value};
+
+use super::parts::{FilePart, Parts, unknown_part};
+use super::pictures::{Decoded, extension};
+use crate::http::HttpLimits;
+use crate::http::problem::{
+    DIFFERING_SIZES, DUPLICATE_AZIMUTH, INVALID_ANGLE, INVALID_SHEET, MISSING_FILE, MISSING_PART,
+    Problem, TOO_FEW_VIEWS, TOO_MANY_VIEWS,
+};
+use crate::options::{self, Method, Options};
+use crate::sheet::{
+    self, Azimuth, PictureSize, PlacedView, SheetDocument, SheetProblem, SheetRequirements,
+    ViewDocument,
+};
+
+/// A picture with its place in the sheet.
+#[derive(Clone, Debug)]
+pub struct Picture {
+    /// Name of the part it came in, for messages.
+    pub part: String,
+    pub bytes: Bytes,
+}
+
+/// A view with its pictures.
+#[derive(Clone, Debug)]
+pub struct PicturedView {
+    pub view: PlacedView,
+    pub drawing: Picture,
+    pub mask: Option<Picture>,
+}
+
+/// An upload whose parts fit together; its pictures are not decoded yet.
+#[derive(Clone, Debug)]
+pub struct Assembled {
+    /// Everything but the views and the options.
+    pub document: SheetDocument,
+    pub options: Options,
+    /// By rising azimuth.
+    pub views: Vec<PicturedView>,
+}
+
+/// Puts the parts of the forms `view[…]` and `sheet` together.
+pub fn assemble(mut parts: Parts, limits: &HttpLimits) -> Result<Assembled, Problem> {
+    let first_view = parts.views.first().or(parts.masks.first()).map(|(_, file)| file.file.clone());
+    if parts.sheet.is_some() {
+        parts.expect_only("sheet", [first_view.as_ref(), None, None])?;
+        return assemble_sheet(parts, limits);
+    }
+    if let Some(file) = parts.files.first() {
+        if first_view.is_some() {
+            return Err(unknown_part(&file.file));
+        }
+        let detail =
+            format!("a part `sheet` is missing that says at which angle `{}` is", file.file);
+        return Err(Problem::new(MISSING_PART, detail).part("sheet"));
+    }
+    if parts.views.is_empty() {
+        let detail = "no drawing was sent; name the parts like `view[45]`, or send a part `sheet` with the files it names";
+        return Err(Problem::new(MISSING_PART, detail).part("view[…]"));
+    }
+    assemble_views(&mut parts, limits)
+}
+
+fn assemble_views(parts: &mut Parts, limits: &HttpLimits) -> Result<Assembled, Problem> {
+    let options = parse_options(parts, None)?;
+    let mut masks: BTreeMap<Azimuth, FilePart> = parts.masks.drain(..).collect();
+    let mut drawings: BTreeMap<Azimuth, FilePart> = parts.views.drain(..).collect();
+    let views = drawings
+        .iter()
+        .map(|(azimuth, file)| ViewDocument {
+            image: file.file.clone(),
+            azimuth_deg: azimuth.degrees(),
+            mask: masks.get(azimuth).map(|mask| mask.file.clone()),
+            ..ViewDocument::default()
+        })
+        .collect();
+    let mut document = SheetDocument { views, ..SheetDocument::default() };
+    let placed = check(&document, options.method, limits, None)?;
+    document.views.clear();
+    let pictured = |view: PlacedView| {
+        let drawing = drawings.remove(&view.azimuth)?.into();
+        let mask = masks.remove(&view.azimuth).map(Picture::from);
+        Some(PicturedView { view, drawing, mask })
+    };
+    let views = placed.into_iter().filter_map(pictured).collect();
+    if let Some((azimuth, mask)) = masks.into_iter().next() {
+        let detail = format!(
+            "`{}` has no drawing; send `view[{azimuth}]` too, or leave the mask out",
+            mask.file
+        );
+        return Err(Problem::new(MISSING_PART, detail).part(mask.file));
+    }
+    Ok(Assembled { document, options, views })
+}
+
+fn assemble_sheet(mut parts: Parts, limits: &HttpLimits) -> Result<Assembled, Problem> {
+    let mut document = parse_sheet(parts.sheet.take().unwrap_or_default())?;
+    let options = parse_options(&mut parts, document.options.take())?;
+    let placed = check(&document, options.method, limits, Some("sheet"))?;
+    document.views.clear();
+    let mut files = Files::new(parts.files);
+    let mut views = Vec::with_capacity(placed.len());
+    for view in placed {
+        let drawing = files.take(&view.image)?;
+        let mask = view.mask.as_deref().map(|mask| files.take(mask)).transpose()?;
+        views.push(PicturedView { view, drawing, mask });
+    }
+    files.expect_all_used()?;
+    Ok(Assembled { document, options, views })
+}
+
+/// The files of a sheet form, found by the names in the document.
+struct Files(Vec<(FilePart, bool)>);
+
+impl Files {
+    fn new(files: Vec<FilePart>) -> Self {
+        Self(files.into_iter().map(|file| (file, false)).collect())
+    }
+
+    /// The file that the document calls `name`. Clients send a file's last name
+    /// only, so `front/a.png` is also found as `a.png`.
+    fn take(&mut self, name: &str) -> Result<Picture, Problem> {
+        let last = name.rsplit(['/', '\\']).next().unwrap_or(name);
+        let found = [name, last]
+            .into_iter()
+            .find_map(|wanted| self.0.iter().position(|(file, _)| file.file == wanted));
+        let Some((file, used)) = found.and_then(|at| self.0.get_mut(at)) else {
+            let detail = format!(
+                "the sheet names `{name}`, but no such file was sent; add -F 'image=@{name}'"
+            );
+            return Err(Problem::new(MISSING_FILE, detail).part(name));
+        };
+        if std::mem::replace(used, true) {
+            let detail = format!("two pictures of the sheet lead to the file `{}`", file.file);
+            return Err(Problem::new(INVALID_SHEET, detail).part("sheet"));
+        }
+        Ok(file.clone().into())
+    }
+
+    fn expect_all_used(&self) -> Result<(), Problem> {
+        let unused = self.0.iter().find(|(_, used)| !used);
+        unused.map_or(Ok(()), |(file, _)| {
+            let detail = format!(
+                "the sheet names no picture `{}`; only drawings and masks are taken",
+                file.file
+            );
+            Err(Problem::new(crate::http::problem::UNKNOWN_PART, detail).part(&*file.file))
+        })
+    }
+}
+
+impl From<FilePart> for Picture {
+    fn from(file: FilePart) -> Self {
+        Self { part: file.file, bytes: file.bytes }
+    }
+}
+
+/// Holds a document against its method and the limits.
+pub fn check(
+    document: &SheetDocument,
+    method: Method,
+    limits: &HttpLimits,
+    part: Option<&str>,
+) -> Result<Vec<PlacedView>, Problem> {
+    sheet::check_document(document, &requirements(method, limits)).map_err(|error| {
+        let problem = sheet_problem(&error);
+        match part {
+            Some(part) => problem.part(part),
+            None => problem,
+        }
+    })
+}
+
+fn requirements(method: Method, limits: &HttpLimits) -> SheetRequirements {
+    SheetRequirements {
+        min_views: method.minimum_views(),
+        max_views: limits.max_views,
+        equal_sizes: method.needs_equal_sizes(),
+    }
+}
+
+fn sheet_problem(error: &SheetProblem) -> Problem {
+    let kind = match error {
+        SheetProblem::TooFewViews { .. } => TOO_FEW_VIEWS,
+        SheetProblem::TooManyViews { .. } => TOO_MANY_VIEWS,
+        SheetProblem::InvalidAngle { .. } => INVALID_ANGLE,
+        SheetProblem::DuplicateAzimuth { .. } => DUPLICATE_AZIMUTH,
+        SheetProblem::DifferingSizes { .. } | SheetProblem::MaskSize { .. } => DIFFERING_SIZES,
+        SheetProblem::InvalidNumber { .. } | SheetProblem::EmptyName { .. } => INVALID_SHEET,
+    };
+    Problem::new(kind, error.to_string())
+}
+
+fn parse_sheet(value: Value) -> Result<SheetDocument, Problem> {
+    serde_path_to_error::deserialize(value).map_err(|error| {
+        let detail = format!("in the sheet document, at `{}`: {}", error.path(), error.inner());
+        Problem::new(INVALID_SHEET, detail).part("sheet")
+    })
+}
+
+/// Reads all options given, lying over `base`.
+pub fn parse_options(parts: &mut Parts, base: Option<Value>) -> Result<Options, Problem> {
+    let all = parts.options_over(base.unwrap_or_else(|| Value::Object(Map::new())))?;
+    options::parse(&all).map_err(|problems| Problem::options(&problems))
+}
+
+impl Assembled {
+    /// The pictures to decode, drawings before masks of each view.
+    pub fn pictures(&self) -> Vec<(&str, &Bytes)> {
+        let mut pictures = Vec::new();
+        for PicturedView { drawing, mask, .. } in &self.views {
+            pictures.extend(std::iter::once(drawing).chain(mask));
+        }
+        pictures.into_iter().map(|picture| (picture.part.as_str(), &picture.bytes)).collect()
+    }
+
+    /// Checks the sizes found by decoding [`Self::pictures`] and names the
+    /// pictures for storage. Returns the complete document of the job and the
+    /// named pictures.
+    pub fn finish(
+        self,
+        decoded: &[Decoded],
+        limits: &HttpLimits,
+    ) -> Result<(SheetDocument, Vec<(String, Bytes)>), Problem> {
+        let Self { mut document, options, views } = self;
+        let mut decoded = decoded.iter();
+        let mut next = || decoded.next().copied().ok_or_else(|| Problem::internal("decode", &""));
+        let mut drawings = Vec::new();
+        let mut inputs = Vec::new();
+        for PicturedView { view, drawing, mask } in views {
+            let found = next()?;
+            let image = format!("views/{}.{}", view.azimuth, extension(found.format));
+            inputs.push((image.clone(), drawing.bytes));
+            drawings.push((view.azimuth, drawing.part, found.size));
+            let mask = match mask {
+                Some(mask) => {
+                    let (name, bytes) = named_mask(view.azimuth, mask, found.size, next()?)?;
+                    inputs.push((name.clone(), bytes));
+                    Some(name)
+                }
+                None => None,
+            };
+            document.views.push(view_document(&view, image, mask));
+        }
+        check_sizes(&drawings, &requirements(options.method, limits))?;
+        describe(&mut document, &drawings, &options)?;
+        Ok((document, inputs))
+    }
+}
+
+fn named_mask(
+    azimuth: Azimuth,
+    mask: Picture,
+    drawing: PictureSize,
+    found: Decoded,
+) -> Result<(String, Bytes), Problem> {
+    sheet::check_mask_size(azimuth, drawing, found.size)
+        .map_err(|error| sheet_problem(&error).part(mask.part))?;
+    Ok((format!("masks/{azimuth}.{}", extension(found.format)), mask.bytes))
+}
+
+fn view_document(view: &PlacedView, image: String, mask: Option<String>) -> ViewDocument {
+    ViewDocument {
+        image,
+        azimuth_deg: view.azimuth.degrees(),
+        elevation_deg: Some(view.elevation_deg),
+        mask,
+        ..ViewDocument::default()
+    }
+}
+
+fn check_sizes(
+    drawings: &[(Azimuth, String, PictureSize)],
+    requirements: &SheetRequirements,
+) -> Result<(), Problem> {
+    let sizes: Vec<_> = drawings.iter().map(|(azimuth, _, size)| (*azimuth, *size)).collect();
+    sheet::check_sizes(&sizes, requirements).map_err(|error| {
+        let problem = sheet_problem(&error);
+        let SheetProblem::DifferingSizes { azimuth, .. } = error else { return problem };
+        match drawings.iter().find(|(a, ..)| *a == azimuth) {
+            Some((_, part, _)) => problem.part(part),
+            None => problem,
+        }
+    })
+}
+
+/// Completes the stored description of a job: the resolved options, and the
+/// size of the views where it is one for all.
+fn describe(
+    document: &mut SheetDocument,
+    drawings: &[(Azimuth, String, PictureSize)],
+    options: &Options,
+) -> Result<(), Problem> {
+    let first = drawings.first().map(|(.., size)| *size);
+    let size = first.filter(|first| drawings.iter().all(|(.., size)| size == first));
+    document.width = size.map(|size| size.width);
+    document.height = size.map(|size| size.height);
+    document.truth = None;
+    document.options =
+        Some(serde_json::to_value(options).map_err(|e| Problem::internal("options", &e))?);
+    Ok(())
+}

@@ -1,0 +1,292 @@
+use bytes::{Bytes, BytesMut};
+use multer::{Field, Multipart};
+use serde_json::Value;
+
+use super::intake::multipart_problem;
+use crate::http::HttpLimits;
+use crate::http::problem::{
+    BODY_TOO_LARGE, CONFLICTING_PARTS, DUPLICATE_AZIMUTH, DUPLICATE_PART, EMPTY_FILE,
+    INVALID_ANGLE, INVALID_JSON, INVALID_PART_NAME, PART_TOO_LARGE, Problem, TOO_MANY_VIEWS,
+    UNKNOWN_PART,
+};
+use crate::options;
+use crate::sheet::Azimuth;
+
+use super::pictures::{check_start, image_problem};
+
+const MAX_PARTS: usize = 1024;
+const MAX_NAME_BYTES: usize = 200;
+const MAX_FIELD_BYTES: usize = 4096;
+
+/// A picture as it came.
+#[derive(Clone, Debug)]
+pub struct FilePart {
+    /// Name of the part; in the sheet form, of the file.
+    pub file: String,
+    pub bytes: Bytes,
+}
+
+/// Everything an upload holds, none of it checked against the rest.
+#[derive(Debug, Default)]
+pub struct Parts {
+    pub views: Vec<(Azimuth, FilePart)>,
+    pub masks: Vec<(Azimuth, FilePart)>,
+    /// Files that a sheet document places.
+    pub files: Vec<FilePart>,
+    pub sheet: Option<Value>,
+    pub options: Option<Value>,
+    /// Single options, as nested objects.
+    pub fields: Vec<(String, Value)>,
+    pub source: Option<String>,
+}
+
+enum Kind {
+    View(Azimuth),
+    Mask(Azimuth),
+    File(String),
+    Sheet,
+    Options,
+    Source,
+    Field,
+}
+
+/// Reads all parts. Each is held against its own limit while it arrives, and
+/// pictures are refused as soon as their first bytes say enough.
+pub async fn read(mut multipart: Multipart<'_>, limits: &HttpLimits) -> Result<Parts, Problem> {
+    let mut parts = Parts::default();
+    let mut count = 0;
+    while let Some(field) = multipart.next_field().await.map_err(multipart_problem)? {
+        count += 1;
+        if count > MAX_PARTS {
+            let detail = format!("the body has more than {MAX_PARTS} parts; send fewer");
+            return Err(Problem::new(BODY_TOO_LARGE, detail));
+        }
+        parts.read_one(field, limits).await?;
+    }
+    Ok(parts)
+}
+
+impl Parts {
+    async fn read_one(&mut self, field: Field<'_>, limits: &HttpLimits) -> Result<(), Problem> {
+        let name = part_name(&field)?;
+        match kind(&name, field.file_name())? {
+            Kind::View(azimuth) => {
+                self.expect_new_view(azimuth, &name, limits)?;
+                let picture = read_picture(field, name, limits).await?;
+                self.views.push((azimuth, picture));
+            }
+            Kind::Mask(azimuth) => {
+                expect_new(!self.masks.iter().any(|(a, _)| *a == azimuth), &name)?;
+                self.expect_room(&name, limits)?;
+                let picture = read_picture(field, name, limits).await?;
+                self.masks.push((azimuth, picture));
+            }
+            Kind::File(file) => {
+                self.expect_new_file(&file, &name, limits)?;
+                let picture = read_picture(field, file, limits).await?;
+                self.files.push(picture);
+            }
+            Kind::Sheet => {
+                expect_new(self.sheet.is_none(), &name)?;
+                self.sheet = Some(read_json(field, &name, limits).await?);
+            }
+            Kind::Options => {
+                expect_new(self.options.is_none(), &name)?;
+                self.options = Some(read_json(field, &name, limits).await?);
+            }
+            Kind::Source => {
+                expect_new(self.source.is_none(), &name)?;
+                self.source = Some(read_text(field, &name).await?);
+            }
+            Kind::Field => {
+                expect_new(!self.fields.iter().any(|(known, _)| *known == name), &name)?;
+                let value = options::nested(&name, &read_text(field, &name).await?);
+                self.fields.push((name, value));
+            }
+        }
+        Ok(())
+    }
+
+    fn expect_new_view(
+        &self,
+        azimuth: Azimuth,
+        part: &str,
+        limits: &HttpLimits,
+    ) -> Result<(), Problem> {
+        if let Some((_, earlier)) = self.views.iter().find(|(a, _)| *a == azimuth) {
+            let earlier = &earlier.file;
+            let detail = format!(
+                "`{part}` and `{earlier}` are both at azimuth {azimuth}; give each angle once (360 and 0 are the same)"
+            );
+            return Err(Problem::new(DUPLICATE_AZIMUTH, detail).part(part));
+        }
+        if self.views.len() == limits.max_views {
+            return Err(too_many(part, limits));
+        }
+        Ok(())
+    }
+
+    fn expect_new_file(&self, file: &str, part: &str, limits: &HttpLimits) -> Result<(), Problem> {
+        if self.files.iter().any(|known| known.file == file) {
+            let detail = format!("two files are named `{file}`; give every file its own name");
+            return Err(Problem::new(DUPLICATE_PART, detail).part(part));
+        }
+        self.expect_room(part, limits)
+    }
+
+    /// A sheet of the most views has a drawing and a mask for each.
+    fn expect_room(&self, part: &str, limits: &HttpLimits) -> Result<(), Problem> {
+        let most = 2 * limits.max_views;
+        if self.files.len() < most && self.masks.len() < most {
+            return Ok(());
+        }
+        Err(too_many(part, limits))
+    }
+
+    /// All options of the upload; later sources lie over earlier ones: `base`,
+    /// the part `options`, single fields.
+    pub fn options_over(&mut self, base: Value) -> Result<Value, Problem> {
+        let mut all = base;
+        let given = self.options.take().into_iter().map(|value| ("options".to_owned(), value));
+        for (part, value) in given.chain(self.fields.drain(..)) {
+            if !value.is_object() {
+                let detail = "`options` must be a JSON object, nested by stage";
+                return Err(Problem::new(crate::http::problem::INVALID_OPTION, detail).part(part));
+            }
+            options::merge(&mut all, value);
+        }
+        Ok(all)
+    }
+
+    /// Refuses parts of another upload form beside `form`.
+    pub fn expect_only(&self, form: &str, others: [Option<&String>; 3]) -> Result<(), Problem> {
+        let Some(part) = others.into_iter().flatten().next() else { return Ok(()) };
+        let detail = format!("`{part}` does not go with `{form}`; use one form of upload");
+        Err(Problem::new(CONFLICTING_PARTS, detail).part(part))
+    }
+}
+
+fn too_many(part: &str, limits: &HttpLimits) -> Problem {
+    let detail = format!("the upload has more than {} views; leave some out", limits.max_views);
+    Problem::new(TOO_MANY_VIEWS, detail).part(part)
+}
+
+fn expect_new(is_new: bool, part: &str) -> Result<(), Problem> {
+    if is_new {
+        return Ok(());
+    }
+    let detail = format!("`{part}` is given twice; give it once");
+    Err(Problem::new(DUPLICATE_PART, detail).part(part))
+}
+
+fn part_name(field: &Field<'_>) -> Result<String, Problem> {
+    match field.name() {
+        Some(name) if !name.is_empty() && name.len() <= MAX_NAME_BYTES => Ok(name.to_owned()),
+        Some(name) => {
+            let detail = format!(
+                "the name of part {} has {} bytes; it must have 1 to {MAX_NAME_BYTES}",
+                field.index() + 1,
+                name.len()
+            );
+            Err(Problem::new(INVALID_PART_NAME, detail))
+        }
+        None => {
+            let detail = format!("part {} has no name in UTF-8; name it", field.index() + 1);
+            Err(Problem::new(INVALID_PART_NAME, detail))
+        }
+    }
+}
+
+fn kind(name: &str, file_name: Option<&str>) -> Result<Kind, Problem> {
+    let bracketed = |prefix| name.strip_prefix(prefix)?.strip_suffix(']');
+    if let Some(angle) = bracketed("view[") {
+        return parse_azimuth(angle, name).map(Kind::View);
+    }
+    if let Some(angle) = bracketed("mask[") {
+        return parse_azimuth(angle, name).map(Kind::Mask);
+    }
+    match (name, file_name) {
+        ("sheet", _) => Ok(Kind::Sheet),
+        ("options", _) => Ok(Kind::Options),
+        ("source", _) => Ok(Kind::Source),
+        ("image" | "mask", Some(file)) if !file.is_empty() => Ok(Kind::File(file.to_owned())),
+        ("image" | "mask", _) => {
+            let detail = format!("`{name}` has no file name to find it in the sheet by");
+            Err(Problem::new(INVALID_PART_NAME, detail).part(name))
+        }
+        (_, Some(_)) => Ok(Kind::File(name.to_owned())),
+        (_, None) if is_option_name(name) => Ok(Kind::Field),
+        (_, None) => Err(unknown_part(name)),
+    }
+}
+
+pub fn unknown_part(name: &str) -> Problem {
+    let detail = format!(
+        "`{name}` is no part of this upload; drawings are named like `view[45]`, or like a picture in the part `sheet`"
+    );
+    Problem::new(UNKNOWN_PART, detail).part(name)
+}
+
+fn is_option_name(name: &str) -> bool {
+    name.bytes().all(|b| b.is_ascii_alphanumeric() || matches!(b, b'_' | b'.'))
+}
+
+fn parse_azimuth(text: &str, part: &str) -> Result<Azimuth, Problem> {
+    let azimuth = text.trim().parse::<f64>().ok().and_then(|a| Azimuth::from_degrees(a).ok());
+    azimuth.ok_or_else(|| {
+        let detail =
+            format!("`{text}` is not a finite angle in degrees; write it like `view[22.5]`");
+        Problem::new(INVALID_ANGLE, detail).part(part)
+    })
+}
+
+async fn read_picture(
+    mut field: Field<'_>,
+    file: String,
+    limits: &HttpLimits,
+) -> Result<FilePart, Problem> {
+    let mut bytes = BytesMut::new();
+    let mut unchecked = true;
+    while let Some(chunk) = field.chunk().await.map_err(multipart_problem)? {
+        bytes.extend_from_slice(&chunk);
+        // Once the header is in reach, and again whenever the limit is passed.
+        if unchecked && bytes.len() >= 4096 || bytes.len() as u64 > limits.image.max_bytes {
+            check_start(&bytes, &limits.image).map_err(|error| image_problem(&file, &error))?;
+            unchecked = false;
+        }
+    }
+    if bytes.is_empty() {
+        let detail = format!("`{file}` is an empty file; check the path it was read from");
+        return Err(Problem::new(EMPTY_FILE, detail).part(file));
+    }
+    check_start(&bytes, &limits.image).map_err(|error| image_problem(&file, &error))?;
+    Ok(FilePart { file, bytes: bytes.freeze() })
+}
+
+async fn read_json(field: Field<'_>, part: &str, limits: &HttpLimits) -> Result<Value, Problem> {
+    let bytes = read_limited(field, part, limits.max_document_bytes).await?;
+    serde_json::from_slice(&bytes).map_err(|error| {
+        let detail = format!("`{part}` is not valid JSON: {error}");
+        Problem::new(INVALID_JSON, detail).part(part)
+    })
+}
+
+async fn read_text(field: Field<'_>, part: &str) -> Result<String, Problem> {
+    let bytes = read_limited(field, part, MAX_FIELD_BYTES).await?;
+    String::from_utf8(bytes.to_vec()).map_err(|_| {
+        let detail = format!("the value of `{part}` is not UTF-8 text");
+        Problem::new(INVALID_JSON, detail).part(part)
+    })
+}
+
+async fn read_limited(mut field: Field<'_>, part: &str, limit: usize) -> Result<Bytes, Problem> {
+    let mut bytes = BytesMut::new();
+    while let Some(chunk) = field.chunk().await.map_err(multipart_problem)? {
+        if bytes.len() + chunk.len() > limit {
+            let detail = format!("`{part}` is over the limit of {limit} bytes");
+            return Err(Problem::new(PART_TOO_LARGE, detail).part(part));
+        }
+        bytes.extend_from_slice(&chunk);
+    }
+    Ok(bytes.freeze())
+}

@@ -1,0 +1,100 @@
+use std::sync::Arc;
+
+use bytes::Bytes;
+use futures::{StreamExt, TryStreamExt, stream};
+use image::ImageFormat;
+use tokio::sync::Semaphore;
+
+use crate::http::problem::{DAMAGED_IMAGE, NOT_AN_IMAGE, PART_TOO_LARGE, Problem, TOO_MANY_PIXELS};
+use crate::sheet::{self, ImageError, ImageLimits, PictureSize};
+
+/// Decodes at once, in all uploads together.
+#[derive(Clone, Debug)]
+pub struct Decoders {
+    slots: Arc<Semaphore>,
+    count: usize,
+}
+
+/// What decoding a picture told.
+#[derive(Clone, Copy, Debug)]
+pub struct Decoded {
+    pub format: ImageFormat,
+    pub size: PictureSize,
+}
+
+impl Decoders {
+    pub fn new(count: usize) -> Self {
+        let count = count.max(1);
+        Self { slots: Arc::new(Semaphore::new(count)), count }
+    }
+
+    /// Decodes every picture to its end on blocking threads, a few at a time,
+    /// and throws the pixels away. The first bad picture ends it.
+    pub async fn decode_all(
+        &self,
+        pictures: &[(&str, &Bytes)],
+        limits: &ImageLimits,
+    ) -> Result<Vec<Decoded>, Problem> {
+        // Made before the stream, as futures that borrow nothing from it.
+        let decodes: Vec<_> = pictures
+            .iter()
+            .map(|(part, bytes)| self.decode(part, (*bytes).clone(), *limits))
+            .collect();
+        stream::iter(decodes).buffered(self.count).try_collect().await
+    }
+
+    async fn decode(
+        &self,
+        part: &str,
+        bytes: Bytes,
+        limits: ImageLimits,
+    ) -> Result<Decoded, Problem> {
+        let slot = self.slots.clone().acquire_owned().await;
+        let decoded = tokio::task::spawn_blocking(move || {
+            // Held here, so that an upload given up does not free the slot
+            // while its picture is still being decoded.
+            let _slot = slot;
+            decode(&bytes, &limits)
+        });
+        match decoded.await {
+            Ok(result) => result.map_err(|error| image_problem(part, &error)),
+            Err(error) => Err(Problem::internal("decoding a picture", &error)),
+        }
+    }
+}
+
+fn decode(bytes: &[u8], limits: &ImageLimits) -> Result<Decoded, ImageError> {
+    let (format, width, height) = sheet::inspect(bytes, limits)?;
+    sheet::decode(bytes, limits)?;
+    Ok(Decoded { format, size: PictureSize { width, height } })
+}
+
+/// Refuses a picture whose first bytes already say that it cannot be taken. A
+/// header that is not there to its end yet says nothing.
+pub fn check_start(start: &[u8], limits: &ImageLimits) -> Result<(), ImageError> {
+    match sheet::inspect(start, limits) {
+        Err(ImageError::Damaged(_)) | Ok(_) => Ok(()),
+        Err(error) => Err(error),
+    }
+}
+
+/// Says what is wrong with the picture of `part`, and how to mend it.
+pub fn image_problem(part: &str, error: &ImageError) -> Problem {
+    let (kind, mend) = match error {
+        ImageError::TooManyBytes { .. } => (PART_TOO_LARGE, "compress it or scale it down"),
+        ImageError::TooManyPixels { .. } => (TOO_MANY_PIXELS, "scale it down"),
+        ImageError::NotAnImage => (NOT_AN_IMAGE, "export it as one of these"),
+        ImageError::Damaged(_) => (DAMAGED_IMAGE, "export or copy it again"),
+    };
+    Problem::new(kind, format!("`{part}` {error}; {mend}")).part(part)
+}
+
+/// The usual ending of a picture file's name.
+pub fn extension(format: ImageFormat) -> &'static str {
+    match format {
+        ImageFormat::Jpeg => "jpg",
+        ImageFormat::WebP => "webp",
+        ImageFormat::Tiff => "tiff",
+        _ => "png",
+    }
+}

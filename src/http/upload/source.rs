@@ -1,0 +1,54 @@
+use serde_json::Value;
+
+use super::assemble::{check, parse_options};
+use super::parts::Parts;
+use crate::http::Api;
+use crate::http::problem::{DIFFERING_SIZES, Problem, UNKNOWN_SOURCE};
+use crate::jobs::{JobId, StoreError};
+use crate::sheet::{ReconstructionPayload, SheetDocument};
+
+/// The document of a job that runs again on the views of `source`: its options
+/// with the given ones laid over them.
+pub async fn rerun(
+    api: &Api,
+    source: &str,
+    mut parts: Parts,
+) -> Result<(JobId, SheetDocument), Problem> {
+    let sheet = parts.sheet.is_some().then(|| "sheet".to_owned());
+    let view = parts.views.first().or(parts.masks.first()).map(|(_, file)| &file.file);
+    let file = parts.files.first().map(|file| &file.file);
+    parts.expect_only("source", [sheet.as_ref(), view, file])?;
+    let id: JobId = source.trim().parse().map_err(|_| unknown(source))?;
+    let job = api.state.store.get(id).await.map_err(|error| match error {
+        StoreError::NotFound(_) => unknown(source),
+        other => other.into(),
+    })?;
+    let payload: ReconstructionPayload = serde_json::from_value(job.payload)
+        .map_err(|error| Problem::internal("stored sheet document", &error))?;
+    let mut document = payload.document;
+    let options = parse_options(&mut parts, document.options.take())?;
+    check(&document, options.method, &api.limits, Some("source"))?;
+    if options.method.needs_equal_sizes() && document.width.is_none() {
+        let detail = "the views of the source differ in size, and the method takes views of one";
+        return Err(Problem::new(DIFFERING_SIZES, detail).part("source"));
+    }
+    let options = serde_json::to_value(options).unwrap_or(Value::Null);
+    document.options = Some(options);
+    Ok((id, document))
+}
+
+/// The stored pictures that a document names.
+pub fn input_names(document: &SheetDocument) -> Vec<String> {
+    let names = document.views.iter().flat_map(|view| [Some(&view.image), view.mask.as_ref()]);
+    names.flatten().cloned().collect()
+}
+
+/// The source was deleted while its pictures were being copied.
+pub fn gone(source: JobId) -> Problem {
+    unknown(&source.to_string())
+}
+
+fn unknown(source: &str) -> Problem {
+    let detail = format!("there is no reconstruction `{source}` to take the views from");
+    Problem::new(UNKNOWN_SOURCE, detail).part("source")
+}

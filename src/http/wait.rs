@@ -1,0 +1,69 @@
+//! Waiting for a job to change.
+
+use std::time::Duration;
+
+use tokio::sync::broadcast::Receiver;
+use tokio::sync::broadcast::error::RecvError;
+use tokio::time::Instant;
+
+use super::Api;
+use super::problem::Problem;
+use crate::jobs::{Job, JobChange, JobId};
+
+/// How often a job is looked at whose changes nobody announces, such as those
+/// of workers in other processes.
+const POLL: Duration = Duration::from_millis(500);
+
+/// The changes of one job.
+pub struct Watch {
+    id: JobId,
+    changes: Receiver<JobChange>,
+    announced: bool,
+}
+
+impl Watch {
+    /// Begins to listen; read the job after this, or a change may be missed.
+    pub fn new(api: &Api, id: JobId) -> Self {
+        Self { id, changes: api.state.store.changes(), announced: true }
+    }
+
+    /// Returns when the job may have changed, at the latest at `deadline`.
+    pub async fn changed(&mut self, deadline: Instant) {
+        let poll = tokio::time::sleep_until(deadline.min(Instant::now() + POLL));
+        tokio::pin!(poll);
+        while self.announced {
+            let change = tokio::select! {
+                change = self.changes.recv() => change,
+                () = &mut poll => return,
+            };
+            match change {
+                Ok(change) if change.id != self.id => {}
+                Ok(_) | Err(RecvError::Lagged(_)) => return,
+                Err(RecvError::Closed) => self.announced = false,
+            }
+        }
+        poll.await;
+    }
+}
+
+/// The job once `is_reached` holds of it, or as it is at the end of `wait`.
+pub async fn wait_until(
+    api: &Api,
+    id: JobId,
+    wait: Duration,
+    is_reached: impl Fn(&Job) -> bool,
+) -> Result<Job, Problem> {
+    let deadline = Instant::now() + wait;
+    let mut watch = Watch::new(api, id);
+    loop {
+        let job = api.state.store.get(id).await?;
+        let is_over = Instant::now() >= deadline || api.state.shutdown.is_cancelled();
+        if is_over || is_reached(&job) {
+            return Ok(job);
+        }
+        tokio::select! {
+            () = watch.changed(deadline) => {}
+            () = api.state.shutdown.cancelled() => {}
+        }
+    }
+}

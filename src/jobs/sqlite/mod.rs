@@ -1,0 +1,149 @@
+//! The embedded job store: one SQLite file, no other service.
+//!
+//! One connection writes, a few others read, so that a status request never
+//! waits for a write to reach the disk. Several processes may share the file.
+
+mod rows;
+mod store;
+
+use std::fs::File;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
+
+use sqlx::migrate::Migrator;
+use sqlx::sqlite::{
+    SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous,
+};
+use sqlx::{Sqlite, Transaction};
+use tokio::sync::broadcast;
+
+use super::record::{Change, Record};
+use super::{Clock, Job, JobChange, JobId, StoreError};
+
+static MIGRATIONS: Migrator = sqlx::migrate!("./migrations/sqlite");
+
+const READERS: u32 = 4;
+/// How long to wait for another process to end its write.
+const BUSY_TIMEOUT: Duration = Duration::from_secs(10);
+/// Changes a slow listener may lag behind before it misses some.
+const REMEMBERED_CHANGES: usize = 1024;
+
+/// Jobs in an SQLite file.
+pub struct SqliteStore {
+    writer: SqlitePool,
+    readers: SqlitePool,
+    clock: Arc<dyn Clock>,
+    changes: broadcast::Sender<JobChange>,
+}
+
+impl SqliteStore {
+    /// Opens the file, creating it and its tables if need be.
+    ///
+    /// # Errors
+    /// [`StoreError::Backend`] if the file can't be opened or is from a later
+    /// version.
+    pub async fn open(path: &Path, clock: Arc<dyn Clock>) -> Result<Self, StoreError> {
+        let options = SqliteConnectOptions::new()
+            .filename(path)
+            .create_if_missing(true)
+            .journal_mode(SqliteJournalMode::Wal)
+            .synchronous(SqliteSynchronous::Full)
+            .foreign_keys(true)
+            .busy_timeout(BUSY_TIMEOUT);
+        let lock = lock_beside(path).await?;
+        let writer = pool(1).connect_with(options.clone()).await.map_err(backend)?;
+        MIGRATIONS.run(&writer).await.map_err(backend)?;
+        drop(lock);
+        sync_directory_of(path).map_err(backend)?;
+        let reading = options.pragma("query_only", "ON");
+        let readers = pool(READERS).connect_with(reading).await.map_err(backend)?;
+        let (changes, _) = broadcast::channel(REMEMBERED_CHANGES);
+        Ok(Self { writer, readers, clock, changes })
+    }
+
+    /// Waits for running statements and closes the file.
+    pub async fn close(&self) {
+        self.readers.close().await;
+        self.writer.close().await;
+    }
+
+    /// Begins a write. The lock is taken at once: one that is taken at the first
+    /// write after a read fails without waiting if another process wrote between.
+    async fn begin(&self) -> Result<Transaction<'static, Sqlite>, StoreError> {
+        self.writer.begin_with("BEGIN IMMEDIATE").await.map_err(backend)
+    }
+
+    /// Loads a job, lets `apply` change it and saves job and event together.
+    /// Nothing is written if `apply` has no change or fails.
+    async fn transition<F>(&self, id: JobId, apply: F) -> Result<Job, StoreError>
+    where
+        F: FnOnce(&mut Record) -> Result<Option<Change>, StoreError> + Send,
+    {
+        let mut transaction = self.begin().await?;
+        let mut record = rows::load(&mut transaction, id).await?;
+        match apply(&mut record)? {
+            None => Ok(record.job),
+            Some(change) => self.commit(transaction, record, change).await,
+        }
+    }
+
+    /// Saves a changed job and its event, commits and tells who listens.
+    async fn commit(
+        &self,
+        mut transaction: Transaction<'static, Sqlite>,
+        mut record: Record,
+        change: Change,
+    ) -> Result<Job, StoreError> {
+        record.job.version += 1;
+        rows::save(&mut transaction, &record).await?;
+        self.finish(transaction, record.job, change).await
+    }
+
+    /// Writes the event of an already written job, commits and tells who listens.
+    async fn finish(
+        &self,
+        mut transaction: Transaction<'static, Sqlite>,
+        job: Job,
+        change: Change,
+    ) -> Result<Job, StoreError> {
+        rows::append(&mut transaction, &job, &change, self.clock.now()).await?;
+        transaction.commit().await.map_err(backend)?;
+        // An error only means that nobody listens.
+        let _ =
+            self.changes.send(JobChange { id: job.id, kind: change.kind, version: job.version });
+        Ok(job)
+    }
+}
+
+fn pool(connections: u32) -> SqlitePoolOptions {
+    SqlitePoolOptions::new()
+        .max_connections(connections)
+        .min_connections(connections)
+        .idle_timeout(None)
+        .max_lifetime(None)
+        .test_before_acquire(false)
+}
+
+/// Several processes may start at once; this lets one after the other set the
+/// journal mode and migrate, for SQLite would not wait for either.
+async fn lock_beside(path: &Path) -> Result<File, StoreError> {
+    let mut name = path.as_os_str().to_owned();
+    name.push(".lock");
+    let locking = tokio::task::spawn_blocking(move || {
+        let file = File::create(name)?;
+        file.lock()?;
+        std::io::Result::Ok(file)
+    });
+    locking.await.map_err(backend)?.map_err(backend)
+}
+
+/// Makes the file's name as durable as its content.
+fn sync_directory_of(path: &Path) -> std::io::Result<()> {
+    let directory = path.parent().filter(|parent| !parent.as_os_str().is_empty());
+    File::open(directory.unwrap_or(Path::new(".")))?.sync_all()
+}
+
+pub(super) fn backend<E: std::error::Error + Send + Sync + 'static>(error: E) -> StoreError {
+    StoreError::Backend(Box::new(error))
+}

@@ -1,0 +1,5 @@
+//! The kinds of work, one file each.
+
+mod reconstruct;
+
+pub use reconstruct::Reconstruct;

@@ -1,0 +1,51 @@
+use std::sync::atomic::{AtomicU8, Ordering};
+
+/// Why an attempt should stop, the weakest first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[repr(u8)]
+pub(super) enum StopReason {
+    /// The worker stops: put the job back.
+    Shutdown = 1,
+    /// The user cancelled the job.
+    Cancel = 2,
+    /// The lease is lost: nothing may be written any more.
+    LeaseLost = 3,
+}
+
+/// Tells a running attempt to stop. A stronger reason replaces a weaker one.
+#[derive(Debug, Default)]
+pub(super) struct Signal(AtomicU8);
+
+impl Signal {
+    pub fn stop(&self, reason: StopReason) {
+        self.0.fetch_max(reason as u8, Ordering::SeqCst);
+    }
+
+    pub fn reason(&self) -> Option<StopReason> {
+        match self.0.load(Ordering::SeqCst) {
+            0 => None,
+            1 => Some(StopReason::Shutdown),
+            2 => Some(StopReason::Cancel),
+            _ => Some(StopReason::LeaseLost),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_strongest_reason_stays() {
+        let signal = Signal::default();
+        assert_eq!(signal.reason(), None);
+        for (given, then) in [
+            (StopReason::Shutdown, StopReason::Shutdown),
+            (StopReason::LeaseLost, StopReason::LeaseLost),
+            (StopReason::Cancel, StopReason::LeaseLost),
+        ] {
+            signal.stop(given);
+            assert_eq!(signal.reason(), Some(then));
+        }
+    }
+}
