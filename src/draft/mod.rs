@@ -142,3 +142,6 @@ fn pool(threads: usize) -> Result<ThreadPool, DraftError> {
         .build()
         .map_err(|error| DraftError::Internal(error.to_string()))
 }
+
+#[cfg(test)]
+mod tests;
