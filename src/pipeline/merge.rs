@@ -81,9 +81,9 @@ pub(super) fn merge(
         }
         links.push(MergeLink { pair: pair.name, shared_points, outcome: outcome(fit) });
     }
-    let has_cloud: Vec<_> = views.iter().map(|view| view.depth.is_some()).collect();
+    let points: Vec<_> = views.iter().map(|view| count_points(view.depth.as_ref())).collect();
     let azimuths: Vec<_> = views.iter().map(|view| view.azimuth).collect();
-    let chain = longest_chain(&forward, &has_cloud);
+    let chain = longest_chain(&forward, &points);
     Merged { views: place(&chain, &forward, &azimuths), links }
 }
 
@@ -124,17 +124,24 @@ fn outcome(fit: Result<SimilarityFit, SimilarityError>) -> LinkOutcome {
     }
 }
 
+fn count_points(depth: Option<&FloatImage>) -> usize {
+    depth.map_or(0, |depth| depth.iter().filter(|value| value.is_finite()).count())
+}
+
 /// The longest run of views joined by `forward[i]`, from view i + 1 (around the
-/// turn) to view i; among equals the first. Views without a cloud do not count.
-fn longest_chain(forward: &[Option<Similarity3<f64>>], has_cloud: &[bool]) -> Vec<usize> {
+/// turn) to view i; among equals the one with most `points`, then the first.
+/// Views without points do not count.
+fn longest_chain(forward: &[Option<Similarity3<f64>>], points: &[usize]) -> Vec<usize> {
     let count = forward.len();
     let mut best = Vec::new();
-    for start in (0..count).filter(|&start| has_cloud[start]) {
+    let size =
+        |chain: &[usize]| (chain.len(), chain.iter().map(|&view| points[view]).sum::<usize>());
+    for start in (0..count).filter(|&start| points[start] > 0) {
         let mut chain = vec![start];
         while chain.len() < count && forward[chain[chain.len() - 1]].is_some() {
             chain.push((start + chain.len()) % count);
         }
-        if chain.len() > best.len() {
+        if size(&chain) > size(&best) {
             best = chain;
         }
     }
@@ -188,11 +195,12 @@ mod tests {
     #[test]
     fn the_longest_chain_may_cross_zero() {
         let link = Some(turn(1.0));
-        let clouds = [true; 5];
-        assert_eq!(longest_chain(&[link, None, None, link, link], &clouds), [3, 4, 0, 1]);
-        assert_eq!(longest_chain(&[link; 5], &clouds), [0, 1, 2, 3, 4]);
-        assert_eq!(longest_chain(&[None; 3], &[false, true, true]), [1]);
-        assert_eq!(longest_chain(&[None; 3], &[false; 3]), [0_usize; 0]);
+        let points = [9; 5];
+        assert_eq!(longest_chain(&[link, None, None, link, link], &points), [3, 4, 0, 1]);
+        assert_eq!(longest_chain(&[link; 5], &points), [0, 1, 2, 3, 4]);
+        assert_eq!(longest_chain(&[None; 3], &[0, 5, 5]), [1]);
+        assert_eq!(longest_chain(&[None; 3], &[4, 5, 6]), [2]);
+        assert_eq!(longest_chain(&[None; 3], &[0; 3]), [0_usize; 0]);
     }
 
     #[test]

@@ -1,4 +1,4 @@
-use nalgebra::Point3;
+use nalgebra::{Point3, Similarity3};
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
@@ -39,7 +39,7 @@ pub enum PipelineError {
         first_height_px: u32,
     },
     #[error(
-        "the views and options need about {needed_bytes} bytes of memory, over the limit of {limit_bytes}; use smaller views, fewer disparities or another mode"
+        "the views and options need about {needed_bytes} bytes of memory, over the limit of {limit_bytes}; use smaller views, fewer disparities, or another mode or detector"
     )]
     TooLarge { needed_bytes: u64, limit_bytes: u64 },
     /// One reason a pair.
@@ -132,9 +132,10 @@ pub fn reconstruct(
         return Err(no_usable_pair(&pairs, &skipped_pairs));
     }
     let view_results = combine_all(&pool, views, &features, &plans, maps, options, observer)?;
+    let extremes = cloud_extremes(&pool, &view_results, observer)?;
     let merged = merge(&view_results, &plans, &pairs, options);
+    let candidates = placed(&extremes, &merged);
     Tracker::new(observer, Stage::Merge, 1, 1).finish("clouds".to_owned(), 1)?;
-    let candidates = hull_candidates(&pool, &view_results, &merged, observer)?;
     let hull = vision::convex_hull(&candidates);
     Tracker::new(observer, Stage::Hull, 1, 1).finish("hull".to_owned(), 1)?;
     Ok(Reconstruction {
@@ -160,7 +161,10 @@ pub fn check_size(
 ) -> Result<(), PipelineError> {
     let pixels = u64::from(width_px) * u64::from(height_px) * views as u64;
     let matching = vision::working_bytes(width_px, height_px, &options.disparity);
-    let needed_bytes = pixels * BYTES_PER_PIXEL + matching * threads.clamp(1, views.max(1)) as u64;
+    let detection = vision::detection_bytes(width_px, height_px, &options.detection);
+    let at_once = threads.clamp(1, views.max(1)) as u64;
+    let needed_bytes =
+        (pixels * BYTES_PER_PIXEL).saturating_add(matching.max(detection).saturating_mul(at_once));
     let limit_bytes = MAX_WORKING_BYTES;
     if needed_bytes > limit_bytes {
         return Err(PipelineError::TooLarge { needed_bytes, limit_bytes });
@@ -307,20 +311,48 @@ fn combine(view: &View, maps: &ViewMaps, options: &Options) -> Option<(FloatImag
     Some((disparity, depth))
 }
 
-/// Points of the joined views that can be corners of the hull, turntable frame.
-fn hull_candidates(
+/// Of each view's cloud, in its own frame, the points that can be corners of a
+/// hull.
+fn cloud_extremes(
     pool: &ThreadPool,
     views: &[ViewResult],
-    merged: &Merged,
     observer: &dyn Observer,
-) -> Result<Vec<Point3<f64>>, Cancelled> {
-    let tracker = Tracker::new(observer, Stage::Cloud, merged.views.len(), 1);
-    let of_views = in_order(pool, &merged.views, |(view, turntable_from_view)| {
-        let depth = views[*view].depth.as_ref();
-        let extremes = depth.map(|depth| vision::row_extremes(&ViewCloud::new(depth)));
-        tracker.finish(views[*view].azimuth.to_string(), 1)?;
-        let placed = extremes.into_iter().flatten().map(|point| turntable_from_view * point);
-        Ok(placed.collect::<Vec<_>>())
-    })?;
-    Ok(of_views.concat())
+) -> Result<Vec<Vec<Point3<f64>>>, Cancelled> {
+    let tracker = Tracker::new(observer, Stage::Cloud, views.len(), 1);
+    in_order(pool, views, |view| {
+        let cloud = view.depth.as_ref().map(ViewCloud::new);
+        let extremes = cloud.map_or_else(Vec::new, |cloud| vision::row_extremes(&cloud));
+        tracker.finish(view.azimuth.to_string(), 1)?;
+        Ok(extremes)
+    })
+}
+
+/// The joined views' points in the turntable frame.
+fn placed(points: &[Vec<Point3<f64>>], merged: &Merged) -> Vec<Point3<f64>> {
+    let of_view = |(view, turntable_from_view): &(usize, Similarity3<f64>)| {
+        let placement = *turntable_from_view;
+        points[*view].iter().map(move |point| placement * point)
+    };
+    merged.views.iter().flat_map(of_view).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::options::{DisparityOptions, SgbmMode};
+
+    #[test]
+    fn a_usual_sheet_fits_and_a_huge_one_is_refused() {
+        let options = Options::default();
+        assert_eq!(check_size(64, 1920, 1080, &options, 8), Ok(()));
+        let error = check_size(64, 8000, 8000, &options, 2).unwrap_err();
+        assert!(matches!(error, PipelineError::TooLarge { .. }), "{error}");
+        let disparity = DisparityOptions {
+            mode: SgbmMode::EightPath,
+            num_disparities: 1024,
+            ..DisparityOptions::default()
+        };
+        let error = check_size(3, 4000, 3000, &Options { disparity, ..options }, 1).unwrap_err();
+        assert_eq!(error.code(), "too_large");
+    }
 }

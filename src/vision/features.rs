@@ -91,7 +91,10 @@ pub fn detect_and_describe(
     let mut rows = Mat::default();
     match descriptor {
         Descriptor::Orb => orb_describer(options)?.compute(&picture, &mut keypoints, &mut rows),
-        Descriptor::Sift => sift(&options.sift)?.compute(&picture, &mut keypoints, &mut rows),
+        Descriptor::Sift => {
+            keypoints = safe_for_sift(&keypoints, image, options)?;
+            sift(&options.sift)?.compute(&picture, &mut keypoints, &mut rows)
+        }
     }
     .map_err(OpenCvError::from)?;
     let descriptors = read_descriptors(&rows, descriptor)?;
@@ -196,6 +199,66 @@ fn sift(options: &SiftOptions) -> Result<Ptr<SIFT>, OpenCvError> {
     )?)
 }
 
+/// Keypoints of other detectors as OpenCV's SIFT can describe them; it does not
+/// check, and writes out of bounds for some.
+///
+/// It takes the angle -1, "none", for an angle, and ORB's pyramid levels for its
+/// own octaves. Without an angle they become upright; ORB's get the octave that
+/// SIFT would give a blob of their size.
+fn safe_for_sift(
+    keypoints: &Vector<KeyPoint>,
+    image: &GrayImage,
+    options: &DetectionOptions,
+) -> Result<Vector<KeyPoint>, OpenCvError> {
+    if options.detector == Detector::Sift {
+        return Ok(keypoints.clone());
+    }
+    // The smallest octave keeps 8 px a side.
+    let most = (f64::from(image.width().min(image.height())) / 8.0).log2().floor().max(0.0);
+    let octave = |size_px: f32| {
+        let natural = (f64::from(size_px) / (2.0 * options.sift.sigma_px)).log2().floor();
+        natural.clamp(0.0, most) as i32 | 1 << 8
+    };
+    let described = keypoints.iter().map(|point| {
+        let position = point.pt();
+        let is_orb = options.detector == Detector::Orb;
+        Ok(KeyPoint::new_coords(
+            position.x,
+            position.y,
+            point.size(),
+            point.angle().max(0.0),
+            point.response(),
+            if is_orb { octave(point.size()) } else { 0 },
+            point.class_id(),
+        )?)
+    });
+    described.collect()
+}
+
+/// About how much memory detecting and describing in one view takes, bytes.
+pub fn detection_bytes(width_px: u32, height_px: u32, options: &DetectionOptions) -> u64 {
+    let pixels = f64::from(width_px) * f64::from(height_px);
+    let layers = f64::from(options.sift.octave_layers);
+    let orb = &options.orb;
+    let scale = f64::from(orb.scale_factor);
+    let detection = match options.detector {
+        Detector::Fast => 2.0,
+        Detector::Harris | Detector::ShiTomasi => 32.0,
+        // Levels below the first are magnified.
+        Detector::Orb => {
+            let magnified = scale.powi(2 * orb.first_level);
+            3.0 * magnified / (1.0 - scale.powi(-2))
+        }
+        // Doubled floats, Gaussians and their differences, all octaves.
+        Detector::Sift => 16.0 * (2.0 * layers + 5.0) * 4.0 / 3.0,
+    };
+    let description = match options.descriptor {
+        Descriptor::Orb => 3.0,
+        Descriptor::Sift => 4.0 * (layers + 3.0) * 4.0 / 3.0,
+    };
+    (pixels * (detection + description)) as u64
+}
+
 fn read_descriptors(rows: &Mat, descriptor: Descriptor) -> Result<Descriptors, OpenCvError> {
     let length = rows.cols().max(0) as usize;
     let empty = rows.rows() <= 0;
@@ -226,13 +289,15 @@ mod tests {
     use super::*;
     use image::Luma;
 
-    /// White rectangles on black at known corners.
+    /// White rectangles on black at known corners, a little soft: ties between
+    /// neighbours silence FAST.
     fn rectangles() -> GrayImage {
-        GrayImage::from_fn(200, 160, |x, y| {
+        let sharp = GrayImage::from_fn(200, 160, |x, y| {
             let inside = |x0, y0, x1, y1| (x0..x1).contains(&x) && (y0..y1).contains(&y);
             let white = inside(50, 50, 90, 80) || inside(110, 60, 150, 110);
             Luma([if white { 255 } else { 0 }])
-        })
+        });
+        imageproc::filter::gaussian_blur_f32(&sharp, 0.8)
     }
 
     fn with(detector: Detector, descriptor: Descriptor) -> DetectionOptions {
@@ -274,13 +339,34 @@ mod tests {
     }
 
     #[test]
-    fn blank_and_tiny_pictures_have_no_keypoints() {
-        for (width, height) in [(1, 1), (3, 200), (120, 100)] {
+    fn a_magnified_pyramid_costs_what_it_weighs() {
+        let mut options = with(Detector::Orb, Descriptor::Orb);
+        assert!(detection_bytes(960, 540, &options) < 16_000_000);
+        options.orb = OrbOptions { scale_factor: 2.0, levels: 32, first_level: 31, ..options.orb };
+        assert!(detection_bytes(960, 540, &options) > 1 << 60);
+    }
+
+    #[test]
+    fn blank_pictures_have_no_keypoints() {
+        for (width, height) in [(64, 200), (120, 100)] {
             let blank = GrayImage::from_pixel(width, height, Luma([255]));
             for detector in [Detector::Fast, Detector::Harris, Detector::ShiTomasi, Detector::Orb] {
                 let features =
                     detect_and_describe(&blank, &with(detector, Descriptor::Orb)).unwrap();
                 assert_eq!((features.keypoints.len(), features.descriptors.count()), (0, 0));
+            }
+        }
+    }
+
+    #[test]
+    fn tiny_pictures_have_none_or_an_error() {
+        for (width, height) in [(1, 1), (3, 200), (17, 17)] {
+            let tiny = GrayImage::from_fn(width, height, |x, y| Luma([(x * 91 + y * 57) as u8]));
+            for detector in [Detector::Fast, Detector::Harris, Detector::ShiTomasi, Detector::Orb] {
+                match detect_and_describe(&tiny, &with(detector, Descriptor::Orb)) {
+                    Ok(features) => assert_eq!(features.keypoints.len(), 0, "{detector:?}"),
+                    Err(error) => assert!(matches!(error, FeatureError::OpenCv(_)), "{error}"),
+                }
             }
         }
     }

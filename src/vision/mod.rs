@@ -28,7 +28,9 @@ pub use epipolar_metrics::{
     OptimalCorrection, mean_distance, optimal_correction, reprojection_error_px2,
     sampson_distance_px2, smallest_absolute_eigenvalue, symmetric_epipolar_distance_px2,
 };
-pub use features::{Descriptors, FeatureError, Features, Keypoint, detect_and_describe};
+pub use features::{
+    Descriptors, FeatureError, Features, Keypoint, detect_and_describe, detection_bytes,
+};
 pub use hull::{HullError, convex_hull, row_extremes};
 pub use matching::{Match, match_descriptors};
 pub use rectification::{Rectification, RectificationError, rectify, warp};
