@@ -3,5 +3,14 @@
 //!
 //! `ARCHITECTURE.md` maps the modules and says which may use which.
 
+pub mod artifacts;
+pub mod draft;
+pub mod export;
 pub mod geometry;
+pub mod http;
+pub mod jobs;
+pub mod options;
+pub mod pipeline;
 pub mod sheet;
+pub mod vision;
+pub mod worker;

@@ -1,0 +1,1 @@
+//! Stored bytes: uploaded inputs and published artifacts.

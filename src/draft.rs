@@ -1,0 +1,1 @@
+//! The main job: a sheet document and its image bytes in, artifacts out.

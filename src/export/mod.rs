@@ -1,0 +1,1 @@
+//! Results as files: pictures, clouds, meshes and reports in standard formats.

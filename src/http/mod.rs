@@ -1,0 +1,1 @@
+//! The HTTP interface: resources over the job store and the byte store.

@@ -1,0 +1,106 @@
+use std::time::Duration;
+
+use async_trait::async_trait;
+use serde_json::Value;
+
+use super::{ArtifactEntry, Claim, Event, Failure, Heartbeat, Job, JobId, ListQuery, NewJob, Page};
+
+/// Why a store could not do what was asked.
+#[derive(Debug, thiserror::Error)]
+pub enum StoreError {
+    /// No job has this name.
+    #[error("no job {0}")]
+    NotFound(JobId),
+    /// The job is finished, so it can't be cancelled.
+    #[error("job {id} is finished already")]
+    Finished { id: JobId },
+    /// The job runs, so it can't be deleted yet.
+    #[error("job {id} is running")]
+    Running { id: JobId },
+    /// The (job, attempt) no longer holds the lease.
+    #[error("attempt {attempt} of job {id} lost its lease")]
+    LeaseLost { id: JobId, attempt: u32 },
+    /// The database failed.
+    #[error("job store: {0}")]
+    Backend(#[source] Box<dyn std::error::Error + Send + Sync>),
+}
+
+/// A durable queue of jobs. Every method is one transaction; when it returns,
+/// its effect survives a crash of process and machine.
+///
+/// `tests/job_store.rs` is the suite that every implementation passes.
+#[async_trait]
+pub trait JobStore: Send + Sync {
+    /// Adds a job in state queued.
+    async fn enqueue(&self, job: NewJob) -> Result<Job, StoreError>;
+
+    async fn get(&self, id: JobId) -> Result<Job, StoreError>;
+
+    async fn list(&self, query: &ListQuery) -> Result<Page, StoreError>;
+
+    /// The events of a job numbered above `after`, in order.
+    async fn events(&self, id: JobId, after: u64) -> Result<Vec<Event>, StoreError>;
+
+    /// Claims the oldest queued job for `lease` and counts the attempt. `worker`
+    /// names the claimant for people who read the log.
+    async fn claim(&self, worker: &str, lease: Duration) -> Result<Option<Claim>, StoreError>;
+
+    /// Extends the lease of (job, attempt).
+    async fn heartbeat(
+        &self,
+        id: JobId,
+        attempt: u32,
+        lease: Duration,
+    ) -> Result<Heartbeat, StoreError>;
+
+    /// Records progress of (job, attempt).
+    async fn progress(&self, id: JobId, attempt: u32, progress: Value) -> Result<(), StoreError>;
+
+    /// Publishes the artifacts and ends the job as succeeded, in one transaction.
+    async fn succeed(
+        &self,
+        id: JobId,
+        attempt: u32,
+        artifacts: Vec<ArtifactEntry>,
+    ) -> Result<(), StoreError>;
+
+    /// Ends the job as failed: trying again would not help.
+    async fn fail(&self, id: JobId, attempt: u32, failure: Failure) -> Result<(), StoreError>;
+
+    /// Ends the job as cancelled, after its work saw the request.
+    async fn cancelled(&self, id: JobId, attempt: u32) -> Result<(), StoreError>;
+
+    /// Puts the job back because this attempt broke (`failure`, internal causes);
+    /// fails it as `attempts_exhausted` if none is left.
+    async fn retry(&self, id: JobId, attempt: u32, failure: Failure) -> Result<(), StoreError>;
+
+    /// Puts the job back because its worker stops; the attempt is not counted.
+    async fn release(&self, id: JobId, attempt: u32) -> Result<(), StoreError>;
+
+    /// Puts back every running job whose lease has ended, or fails it as
+    /// `attempts_exhausted`, or ends it as cancelled if that was asked for.
+    /// Returns how many jobs changed.
+    async fn reap(&self) -> Result<u64, StoreError>;
+
+    /// Asks for cancellation: a queued job is cancelled at once, a running one
+    /// when its worker sees the request. Asking again changes nothing.
+    ///
+    /// # Errors
+    /// [`StoreError::Finished`] if the job ended already.
+    async fn request_cancel(&self, id: JobId) -> Result<Job, StoreError>;
+
+    /// Forgets a job and its events.
+    ///
+    /// # Errors
+    /// [`StoreError::Running`] while it runs.
+    async fn delete(&self, id: JobId) -> Result<(), StoreError>;
+
+    /// Every job's name, for collecting bytes that belong to none.
+    async fn ids(&self) -> Result<Vec<JobId>, StoreError>;
+
+    /// Jobs queued and running now.
+    async fn depth(&self) -> Result<(u64, u64), StoreError>;
+
+    /// Answers if the store can read and write.
+    async fn ping(&self) -> Result<(), StoreError>;
+}

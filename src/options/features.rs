@@ -1,0 +1,220 @@
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Corner or blob detector (Arys 2020, §2.2.2).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Detector {
+    Fast,
+    Orb,
+    Harris,
+    #[default]
+    ShiTomasi,
+    Sift,
+}
+
+/// Keypoint descriptor (Arys 2020, §2.2.3).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Descriptor {
+    /// Rotated BRIEF, 256 bits, compared by Hamming distance.
+    #[default]
+    Orb,
+    /// 128 values, compared by Euclidean distance.
+    Sift,
+}
+
+/// Which keypoints are found and how they are described (Arys 2020, table 4.3).
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct DetectionOptions {
+    pub detector: Detector,
+    pub descriptor: Descriptor,
+    pub fast: FastOptions,
+    pub orb: OrbOptions,
+    pub harris: HarrisOptions,
+    pub shi_tomasi: ShiTomasiOptions,
+    pub sift: SiftOptions,
+}
+
+/// FAST corners.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct FastOptions {
+    /// Grey levels by which the ring must differ from the centre.
+    #[schemars(range(min = 1, max = 254))]
+    pub threshold: i32,
+}
+
+impl Default for FastOptions {
+    fn default() -> Self {
+        Self { threshold: 38 }
+    }
+}
+
+/// ORB as a detector; as a descriptor of other detectors' points it runs with
+/// OpenCV's defaults.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct OrbOptions {
+    /// The most keypoints kept.
+    #[schemars(range(min = 8, max = 100000))]
+    pub max_features: i32,
+    /// Ratio between neighbouring pyramid levels.
+    #[schemars(range(min = 1.01, max = 2.0))]
+    pub scale_factor: f32,
+    /// Pyramid levels.
+    #[schemars(range(min = 1, max = 32))]
+    pub levels: i32,
+    /// The level that holds the picture as it is.
+    #[schemars(range(min = 0, max = 31))]
+    pub first_level: i32,
+    /// Descriptor patch, px.
+    #[schemars(range(min = 5, max = 255))]
+    pub patch_size_px: i32,
+    /// Border without keypoints, px.
+    #[schemars(range(min = 2, max = 255))]
+    pub edge_threshold_px: i32,
+    /// FAST threshold, grey levels.
+    #[schemars(range(min = 1, max = 254))]
+    pub fast_threshold: i32,
+}
+
+impl Default for OrbOptions {
+    fn default() -> Self {
+        Self {
+            max_features: 450,
+            scale_factor: 1.125,
+            levels: 14,
+            first_level: 0,
+            patch_size_px: 37,
+            edge_threshold_px: 37,
+            fast_threshold: 6,
+        }
+    }
+}
+
+/// Harris corners.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct HarrisOptions {
+    /// The most corners kept.
+    #[schemars(range(min = 8, max = 100000))]
+    pub max_corners: i32,
+    /// The least accepted quality, as a share of the best corner's.
+    #[schemars(range(min = 0.000001, max = 1.0))]
+    pub quality: f64,
+    /// The least distance between corners, px.
+    #[schemars(range(min = 0.0, max = 1000.0))]
+    pub min_distance_px: f64,
+    /// Window over which gradients are summed, px.
+    #[schemars(range(min = 1, max = 101))]
+    pub block_size_px: i32,
+    /// Sobel aperture, px (1, 3, 5 or 7).
+    #[schemars(range(min = 1, max = 7))]
+    pub gradient_size_px: i32,
+    /// Harris' free parameter.
+    #[schemars(range(min = 0.0, max = 0.25))]
+    pub k: f64,
+}
+
+impl Default for HarrisOptions {
+    fn default() -> Self {
+        Self {
+            max_corners: 1000,
+            quality: 0.011,
+            min_distance_px: 3.0,
+            block_size_px: 6,
+            gradient_size_px: 7,
+            k: 0.04,
+        }
+    }
+}
+
+/// Shi-Tomasi corners.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct ShiTomasiOptions {
+    /// The most corners kept.
+    #[schemars(range(min = 8, max = 100000))]
+    pub max_corners: i32,
+    /// The least accepted quality, as a share of the best corner's.
+    #[schemars(range(min = 0.000001, max = 1.0))]
+    pub quality: f64,
+    /// The least distance between corners, px.
+    #[schemars(range(min = 0.0, max = 1000.0))]
+    pub min_distance_px: f64,
+    /// Window over which gradients are summed, px.
+    #[schemars(range(min = 1, max = 101))]
+    pub block_size_px: i32,
+    /// Sobel aperture, px (1, 3, 5 or 7).
+    #[schemars(range(min = 1, max = 7))]
+    pub gradient_size_px: i32,
+}
+
+impl Default for ShiTomasiOptions {
+    fn default() -> Self {
+        Self {
+            max_corners: 1000,
+            quality: 0.1,
+            min_distance_px: 2.0,
+            block_size_px: 11,
+            gradient_size_px: 7,
+        }
+    }
+}
+
+/// SIFT keypoints.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct SiftOptions {
+    /// The most keypoints kept.
+    #[schemars(range(min = 8, max = 100000))]
+    pub max_features: i32,
+    /// Layers an octave.
+    #[schemars(range(min = 1, max = 16))]
+    pub octave_layers: i32,
+    /// Weaker extrema are dropped.
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub contrast_threshold: f64,
+    /// More edge-like extrema are dropped.
+    #[schemars(range(min = 1.0, max = 1000.0))]
+    pub edge_threshold: f64,
+    /// Blur of the first octave, px.
+    #[schemars(range(min = 0.1, max = 10.0))]
+    pub sigma_px: f64,
+}
+
+impl Default for SiftOptions {
+    fn default() -> Self {
+        Self {
+            max_features: 1000,
+            octave_layers: 3,
+            contrast_threshold: 0.15,
+            edge_threshold: 22.0,
+            sigma_px: 1.6,
+        }
+    }
+}
+
+/// How descriptors become matches (Arys 2020, §2.2.3, §3.3).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct MatchingOptions {
+    /// Keep a match only if each is the other's best.
+    pub cross_check: bool,
+    /// Lowe's ratio: keep a match only if its distance is below this share of
+    /// the second best's; null switches the test off.
+    #[schemars(range(min = 0.01, max = 1.0))]
+    pub ratio: Option<f32>,
+    /// The largest accepted descriptor distance (bits for ORB, Euclidean
+    /// otherwise); null accepts all.
+    #[schemars(range(min = 0.0, max = 100000.0))]
+    pub max_distance: Option<f32>,
+}
+
+impl Default for MatchingOptions {
+    fn default() -> Self {
+        Self { cross_check: true, ratio: None, max_distance: None }
+    }
+}

@@ -1,0 +1,126 @@
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Estimator of the fundamental matrix.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Estimator {
+    /// RANSAC over 7-point samples.
+    #[default]
+    Ransac,
+    /// Least median of squares.
+    Lmeds,
+    /// Normalised 8-point over all matches, none rejected.
+    EightPoint,
+}
+
+/// The fundamental matrix of each pair (Arys 2020, §2.2.4, §3.4).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct EpipolarOptions {
+    pub estimator: Estimator,
+    /// RANSAC's inlier threshold: distance to the epipolar line, px.
+    #[schemars(range(min = 0.01, max = 100.0))]
+    pub max_error_px: f64,
+    /// Confidence that the estimate is right, as a share.
+    #[schemars(range(min = 0.5, max = 0.999999))]
+    pub confidence: f64,
+    /// Mean Sampson distance of the inliers, px², above which a pair's
+    /// detection is tried again.
+    #[schemars(range(min = 0.0, max = 1000000.0))]
+    pub max_mean_sampson_px2: f64,
+    /// How often a pair's detection is tried at most, with varied parameters.
+    #[schemars(range(min = 1, max = 50))]
+    pub tries: u32,
+}
+
+impl Default for EpipolarOptions {
+    fn default() -> Self {
+        Self {
+            estimator: Estimator::default(),
+            max_error_px: 2.0,
+            confidence: 0.99,
+            max_mean_sampson_px2: 100.0,
+            tries: 1,
+        }
+    }
+}
+
+/// How disparity becomes depth.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum DepthRelation {
+    /// Depth is the inverse of disparity, as for perspective pictures; pixels
+    /// whose disparity is not positive are dropped (Arys 2020, §3.7).
+    #[default]
+    Inverse,
+    /// Depth is affine in disparity, as for orthographic pictures.
+    Affine,
+}
+
+/// Each view's point cloud (Arys 2020, §3.7).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct CloudOptions {
+    pub depth: DepthRelation,
+    /// Numerator of the inverse relation: depth in px = this / disparity in px.
+    #[schemars(range(min = 0.001, max = 1000000.0))]
+    pub inverse_scale_px2: f64,
+    /// Every n-th pixel of a row and every n-th row goes into cloud.ply.
+    #[schemars(range(min = 1, max = 64))]
+    pub stride_px: u32,
+}
+
+impl Default for CloudOptions {
+    fn default() -> Self {
+        Self { depth: DepthRelation::default(), inverse_scale_px2: 100.0, stride_px: 1 }
+    }
+}
+
+/// Merging neighbouring clouds by their shared matches (Arys 2020, §3.7).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct MergeOptions {
+    /// A shared match agrees with a similarity within this distance, px.
+    #[schemars(range(min = 0.01, max = 1000.0))]
+    pub max_error_px: f64,
+    /// Samples of three matches tried for the similarity.
+    #[schemars(range(min = 1, max = 100000))]
+    pub iterations: u32,
+}
+
+impl Default for MergeOptions {
+    fn default() -> Self {
+        Self { max_error_px: 5.0, iterations: 500 }
+    }
+}
+
+/// Where the exported mesh stands.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Origin {
+    /// Lowest point at height 0, turntable axis at the origin.
+    #[default]
+    Feet,
+    /// The turntable's origin: on the axis, at the picture centre's row.
+    Axis,
+}
+
+/// Scale and place of exported meshes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct ExportOptions {
+    /// Height of the subject, metres; `pixels_per_metre` takes precedence.
+    #[schemars(range(min = 0.001, max = 10000.0))]
+    pub height_m: f64,
+    /// Sheet pixels a metre; null scales to `height_m`.
+    #[schemars(range(min = 0.001, max = 1000000.0))]
+    pub pixels_per_metre: Option<f64>,
+    pub origin: Origin,
+}
+
+impl Default for ExportOptions {
+    fn default() -> Self {
+        Self { height_m: 1.8, pixels_per_metre: None, origin: Origin::default() }
+    }
+}

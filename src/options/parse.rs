@@ -1,0 +1,199 @@
+use std::fmt;
+use std::sync::LazyLock;
+
+use jsonschema::Validator;
+use schemars::generate::SchemaSettings;
+use serde_json::{Map, Value};
+
+use super::{Descriptor, Detector, Options};
+
+/// One thing wrong with the options, and where.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct OptionProblem {
+    /// Dotted name, such as `disparity.block_size`; empty for the whole.
+    pub option: String,
+    /// What is wrong and what would be accepted.
+    pub detail: String,
+}
+
+/// Everything wrong with the options; never empty.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub struct OptionProblems(pub Vec<OptionProblem>);
+
+impl fmt::Display for OptionProblems {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let lines: Vec<_> = self
+            .0
+            .iter()
+            .map(|p| match p.option.as_str() {
+                "" => p.detail.clone(),
+                option => format!("{option}: {}", p.detail),
+            })
+            .collect();
+        f.write_str(&lines.join("; "))
+    }
+}
+
+/// The JSON Schema (draft 2020-12) of [`Options`], definitions inlined, each
+/// property with its type, range, default and meaning.
+pub fn schema() -> &'static Value {
+    static SCHEMA: LazyLock<Value> = LazyLock::new(|| {
+        SchemaSettings::draft2020_12()
+            .with(|settings| settings.inline_subschemas = true)
+            .into_generator()
+            .into_root_schema_for::<Options>()
+            .into()
+    });
+    &SCHEMA
+}
+
+/// Reads options from JSON; what is not given has its default.
+///
+/// # Errors
+/// [`OptionProblems`]: every unknown option, wrong type and value out of range,
+/// and combinations that cannot work.
+pub fn parse(value: &Value) -> Result<Options, OptionProblems> {
+    static VALIDATOR: LazyLock<Validator> =
+        LazyLock::new(|| jsonschema::validator_for(schema()).expect("our own schema is valid"));
+    let problems: Vec<_> = VALIDATOR
+        .iter_errors(value)
+        .map(|error| OptionProblem {
+            option: error.instance_path().to_string().trim_start_matches('/').replace('/', "."),
+            detail: error.to_string(),
+        })
+        .collect();
+    if !problems.is_empty() {
+        return Err(OptionProblems(problems));
+    }
+    let options: Options = serde_json::from_value(value.clone()).map_err(|error| {
+        OptionProblems(vec![OptionProblem { option: String::new(), detail: error.to_string() }])
+    })?;
+    let problems = options.conflicts();
+    if problems.is_empty() { Ok(options) } else { Err(OptionProblems(problems)) }
+}
+
+/// The nested object of a dotted option: `("a.b", 1)` is `{"a": {"b": 1}}`.
+/// Text that is not JSON is taken as a string, so `method=uncalibrated` works.
+pub fn nested(dotted: &str, text: &str) -> Value {
+    let leaf = serde_json::from_str(text).unwrap_or_else(|_| Value::String(text.to_owned()));
+    dotted
+        .rsplit('.')
+        .fold(leaf, |inner, key| Value::Object(Map::from_iter([(key.to_owned(), inner)])))
+}
+
+/// Lays `over` on `base`, object by object; other values replace.
+pub fn merge(base: &mut Value, over: Value) {
+    match (base, over) {
+        (Value::Object(base), Value::Object(over)) => {
+            for (key, value) in over {
+                merge(base.entry(key).or_insert(Value::Null), value);
+            }
+        }
+        (base, over) => *base = over,
+    }
+}
+
+impl Options {
+    /// Combinations that the schema cannot express.
+    fn conflicts(&self) -> Vec<OptionProblem> {
+        let problem =
+            |option: &str, detail: String| OptionProblem { option: option.to_owned(), detail };
+        let mut problems = Vec::new();
+        if self.detection.detector == Detector::Sift && self.detection.descriptor == Descriptor::Orb
+        {
+            problems.push(problem(
+                "detection.descriptor",
+                "SIFT keypoints cannot take ORB descriptors; use sift".to_owned(),
+            ));
+        }
+        let disparity = &self.disparity;
+        if disparity.p2 <= disparity.p1 {
+            problems.push(problem(
+                "disparity.p2",
+                format!("{} must be above disparity.p1, {}", disparity.p2, disparity.p1),
+            ));
+        }
+        for (option, size) in [
+            ("detection.shi_tomasi.gradient_size_px", self.detection.shi_tomasi.gradient_size_px),
+            ("detection.harris.gradient_size_px", self.detection.harris.gradient_size_px),
+        ] {
+            if size % 2 == 0 {
+                problems.push(problem(option, format!("{size} is not one of 1, 3, 5, 7")));
+            }
+        }
+        if self.detection.orb.first_level >= self.detection.orb.levels {
+            problems.push(problem(
+                "detection.orb.first_level",
+                format!("must be below detection.orb.levels, {}", self.detection.orb.levels),
+            ));
+        }
+        problems
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    fn problems(value: Value) -> Vec<OptionProblem> {
+        parse(&value).unwrap_err().0
+    }
+
+    #[test]
+    fn nothing_given_is_the_defaults() {
+        assert_eq!(parse(&json!({})).unwrap(), Options::default());
+    }
+
+    #[test]
+    fn the_schema_accepts_the_defaults_it_states() {
+        let all = serde_json::to_value(Options::default()).unwrap();
+        assert_eq!(parse(&all).unwrap(), Options::default());
+    }
+
+    #[test]
+    fn names_an_unknown_option() {
+        let found = problems(json!({"disparity": {"blocksize": 5}}));
+        assert_eq!(found[0].option, "disparity");
+        assert!(found[0].detail.contains("blocksize"), "{found:?}");
+    }
+
+    #[test]
+    fn says_the_range_of_a_value_outside_it() {
+        let found = problems(json!({"epipolar": {"confidence": 1.5}}));
+        assert_eq!(found[0].option, "epipolar.confidence");
+        assert!(found[0].detail.contains("0.999999"), "{found:?}");
+    }
+
+    #[test]
+    fn refuses_even_blocks_and_odd_disparity_counts() {
+        assert_eq!(
+            problems(json!({"disparity": {"block_size": 8}}))[0].option,
+            "disparity.block_size"
+        );
+        assert_eq!(
+            problems(json!({"disparity": {"num_disparities": 40}}))[0].option,
+            "disparity.num_disparities"
+        );
+    }
+
+    #[test]
+    fn refuses_combinations_that_cannot_work() {
+        assert_eq!(
+            problems(json!({"detection": {"detector": "sift"}}))[0].option,
+            "detection.descriptor"
+        );
+        assert_eq!(problems(json!({"disparity": {"p1": 6000}}))[0].option, "disparity.p2");
+    }
+
+    #[test]
+    fn dotted_fields_nest_and_lie_over_each_other() {
+        let mut options = json!({});
+        merge(&mut options, nested("disparity.block_size", "15"));
+        merge(&mut options, nested("disparity.mode", "eight_path"));
+        merge(&mut options, nested("method", "uncalibrated"));
+        let options = parse(&options).unwrap();
+        assert_eq!(options.disparity.block_size, 15);
+        assert_eq!(options.disparity.mode, super::super::SgbmMode::EightPath);
+    }
+}

@@ -1,0 +1,1 @@
+//! Computer vision stages: pure functions from typed data to typed data.
