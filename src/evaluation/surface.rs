@@ -70,7 +70,7 @@ fn directed(from: &[SurfacePoint], to: &[SurfacePoint], longest_side: f64) -> Op
         return None;
     }
     let positions: Vec<[f64; 3]> = to.iter().map(|point| point.position.into()).collect();
-    let tree = ImmutableKdTree::<f64, u32, 3>::new_from_slice(&positions).ok()?;
+    let tree = ImmutableKdTree::<f64, 3>::new_from_slice(&positions).ok()?;
     let nearest: Vec<(f64, f64)> = from
         .par_iter()
         .map(|point| {

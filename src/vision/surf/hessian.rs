@@ -12,8 +12,12 @@ type FilterBox = (i64, i64, i64, i64, f32);
 
 const D_XX: [FilterBox; 3] = [(0, 2, 3, 7, 1.0), (3, 2, 6, 7, -2.0), (6, 2, 9, 7, 1.0)];
 const D_YY: [FilterBox; 3] = [(2, 0, 7, 3, 1.0), (2, 3, 7, 6, -2.0), (2, 6, 7, 9, 1.0)];
-const D_XY: [FilterBox; 4] =
-    [(1, 1, 4, 4, 1.0), (5, 1, 8, 4, -1.0), (1, 5, 4, 8, -1.0), (5, 5, 8, 8, 1.0)];
+const D_XY: [FilterBox; 4] = [
+    (1, 1, 4, 4, 1.0),
+    (5, 1, 8, 4, -1.0),
+    (1, 5, 4, 8, -1.0),
+    (5, 5, 8, 8, 1.0),
+];
 
 /// Balances Dxy for being approximated by boxes: 0.9² (Bay et al., §3.2).
 const D_XY_WEIGHT: f32 = 0.81;
@@ -22,12 +26,7 @@ const D_XY_WEIGHT: f32 = 0.81;
 /// left corner is at `(left, top)`; the filter must lie within the picture.
 ///
 /// Every box's sum is divided by its area.
-pub(super) fn response_at(
-    integral: &IntegralImage,
-    left: i64,
-    top: i64,
-    size: i64,
-) -> (f32, f32) {
+pub(super) fn response_at(integral: &IntegralImage, left: i64, top: i64, size: i64) -> (f32, f32) {
     // Filters grow in proportion, rounded to whole pixels.
     let grown = |at: i64| (2 * at * size + FIRST_SIZE) / (2 * FIRST_SIZE);
     let apply = |boxes: &[FilterBox]| -> f32 {
@@ -80,7 +79,10 @@ impl Layer {
     }
 
     fn corner(&self, column: i64, row: i64) -> (i64, i64) {
-        ((column - self.margin) * self.step, (row - self.margin) * self.step)
+        (
+            (column - self.margin) * self.step,
+            (row - self.margin) * self.step,
+        )
     }
 
     fn at(&self, column: i64, row: i64) -> f32 {
@@ -100,7 +102,8 @@ pub(super) fn blobs(integral: &IntegralImage, options: &SurfOptions) -> Vec<Surf
         // Larger filters than the picture respond nowhere.
         let fitting = (shortest / step - FIRST_SIZE) / SIZE_STEP + 1;
         let layers = (i64::from(options.octave_layers) + 2).min(fitting);
-        let layer = |index: i64| Layer::new(integral, (FIRST_SIZE + SIZE_STEP * index) * step, step);
+        let layer =
+            |index: i64| Layer::new(integral, (FIRST_SIZE + SIZE_STEP * index) * step, step);
         if layers < 3 {
             continue;
         }
@@ -114,10 +117,11 @@ pub(super) fn blobs(integral: &IntegralImage, options: &SurfOptions) -> Vec<Surf
     }
     keypoints.sort_by(|one, other| {
         let place = |k: &SurfKeypoint| [k.size, k.y, k.x];
-        other
-            .response
-            .total_cmp(&one.response)
-            .then_with(|| place(one).partial_cmp(&place(other)).unwrap_or(std::cmp::Ordering::Equal))
+        other.response.total_cmp(&one.response).then_with(|| {
+            place(one)
+                .partial_cmp(&place(other))
+                .unwrap_or(std::cmp::Ordering::Equal)
+        })
     });
     keypoints
 }
@@ -147,9 +151,8 @@ fn is_maximum(three: &[Layer; 3], column: i64, row: i64) -> bool {
     let value = three[1].at(column, row);
     three.iter().enumerate().all(|(depth, layer)| {
         (-1..=1).all(|dy| {
-            (-1..=1).all(|dx| {
-                (depth, dx, dy) == (1, 0, 0) || layer.at(column + dx, row + dy) < value
-            })
+            (-1..=1)
+                .all(|dx| (depth, dx, dy) == (1, 0, 0) || layer.at(column + dx, row + dy) < value)
         })
     })
 }
@@ -163,7 +166,8 @@ fn keypoint(
     row: i64,
 ) -> Option<SurfKeypoint> {
     let middle = &three[1];
-    let offset = refine(|dx, dy, ds| f64::from(three[(1 + ds) as usize].at(column + dx, row + dy)))?;
+    let offset =
+        refine(|dx, dy, ds| f64::from(three[(1 + ds) as usize].at(column + dx, row + dy)))?;
     let (left, top) = middle.corner(column, row);
     let centre = |corner: i64| corner as f64 + (middle.size - 1) as f64 / 2.0;
     let layer_step = (middle.size - three[0].size) as f64;
@@ -199,7 +203,10 @@ fn refine(at: impl Fn(i64, i64, i64) -> f64) -> Option<Vector3<f64>> {
     });
     let offset = hessian.lu().solve(&-gradient)?;
     // Also false where a neighbour had no value.
-    offset.iter().all(|value| value.abs() <= 1.0).then_some(offset)
+    offset
+        .iter()
+        .all(|value| value.abs() <= 1.0)
+        .then_some(offset)
 }
 
 #[cfg(test)]
