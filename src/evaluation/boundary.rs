@@ -35,7 +35,7 @@ pub(super) struct SurfacePoint {
 
 /// `count` points spread evenly by area; fewer only if there is no boundary.
 ///
-/// * `windings`: of the cells of `grid`, needed for open meshes only.
+/// * `level_set`: where the boundary is not on the mesh; empty for closed ones.
 pub(super) fn sample_boundary(
     mesh: &Mesh,
     field: &WindingField,
@@ -44,7 +44,7 @@ pub(super) fn sample_boundary(
     random: &mut ChaCha8Rng,
 ) -> Vec<SurfacePoint> {
     let level_area: f64 = level_set.iter().map(|point| point.area).sum();
-    let mut on_mesh = MeshSampler::new(mesh, field);
+    let on_mesh = MeshSampler::new(mesh, field);
     let mesh_area = on_mesh.boundary_area(random);
     if mesh_area + level_area <= 0.0 {
         return Vec::new();
@@ -96,7 +96,7 @@ impl<'a> MeshSampler<'a> {
         self.total_area() * kept as f64 / PILOT as f64
     }
 
-    fn sample(&mut self, count: usize, random: &mut ChaCha8Rng) -> Vec<SurfacePoint> {
+    fn sample(&self, count: usize, random: &mut ChaCha8Rng) -> Vec<SurfacePoint> {
         let mut points = Vec::with_capacity(count);
         let mut tries = 0;
         while points.len() < count && tries < MOST_TRIES * count.max(BATCH) {

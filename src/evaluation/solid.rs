@@ -277,19 +277,30 @@ mod tests {
     /// A cube shifted by 5 % of its side, the F-score's tolerance being 2 %.
     #[test]
     fn shifted_cubes() {
-        let options = SolidOptions { samples: 40_000, f_score_tolerance: 0.02, ..coarse() };
+        let options = SolidOptions {
+            samples: 40_000,
+            f_score_tolerance: 0.02,
+            ..coarse()
+        };
         let truth = SolidTruth::new(&cuboid([0.0; 3], [10.0; 3]), options).unwrap();
         let shifted = cuboid([0.5, 0.0, 0.0], [10.5, 10.0, 10.0]);
         let found = truth.evaluate(&shifted).unwrap().surface;
         assert!((found.hausdorff - 0.05).abs() < 0.01, "{}", found.hausdorff);
         // Points apart add up to half of 1/√density to every distance.
         let excess = found.chamfer_l1 - shifted_cube_chamfer(0.05);
-        assert!((0.0..0.5 * (6.0_f64 / 40_000.0).sqrt()).contains(&excess), "{excess}");
+        assert!(
+            (0.0..0.5 * (6.0_f64 / 40_000.0).sqrt()).contains(&excess),
+            "{excess}"
+        );
         // Good: four side faces but for 3 of the 5 % that stick out, and the
         // rim of the end face that lies inside the other cube.
         let rim = 1.0 - 0.96_f64.powi(2);
         let good = (4.0 * 0.97 + rim) / 6.0;
-        assert!((found.f_score - good).abs() < 0.01, "{} for {good}", found.f_score);
+        assert!(
+            (found.f_score - good).abs() < 0.01,
+            "{} for {good}",
+            found.f_score
+        );
     }
 
     /// By integration: the face that sticks out is `shift` from the other's

@@ -102,7 +102,7 @@ impl WindingField {
 
 #[cfg(test)]
 mod tests {
-    use super::super::solid::shapes::{cuboid, sphere};
+    use super::super::solid::shapes::{cuboid, merged, sphere};
     use super::*;
     use rand::{Rng, SeedableRng};
     use rand_chacha::ChaCha8Rng;
@@ -125,17 +125,6 @@ mod tests {
                 "{point}: {expected}"
             );
         }
-    }
-
-    fn merged(meshes: &[Mesh]) -> Mesh {
-        let mut all = Mesh::default();
-        for mesh in meshes {
-            let offset = all.positions.len() as u32;
-            all.positions.extend(&mesh.positions);
-            all.triangles
-                .extend(mesh.triangles.iter().map(|t| t.map(|v| v + offset)));
-        }
-        all
     }
 
     #[test]
@@ -198,12 +187,12 @@ mod tests {
         let mut bowl = sphere(1.0, 24);
         let half = bowl.triangles.len() / 2;
         bowl.triangles.truncate(half);
-        assert_agrees(&bowl, 2e-3);
+        assert_agrees(&bowl, 5e-3);
         // Holes apart, overlapping another open part.
         let mut holey = merged(&[sphere(1.0, 24), open_box]);
         holey.triangles.drain(300..310);
         holey.triangles.drain(40..45);
-        assert_agrees(&holey, 2e-3);
+        assert_agrees(&holey, 5e-3);
     }
 
     /// Every triangle is on its own, so every edge is open.

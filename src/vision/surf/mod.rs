@@ -113,50 +113,59 @@ fn scale_px(keypoint: &SurfKeypoint) -> f64 {
 mod tests {
     use super::*;
 
-    /// Dark and light Gaussian blobs `(x, y, σ, depth)` on grey, each with a
-    /// wider one beside it that gives its surroundings a direction.
-    fn blobs() -> Vec<(f64, f64, f64, f64)> {
-        let main = [
-            (70.0, 80.0, 3.0, 110.0),
-            (180.0, 75.5, 4.0, -100.0),
-            (120.25, 170.0, 5.0, 105.0),
-            (200.0, 190.0, 3.5, -110.0),
-            (60.0, 200.0, 4.5, 100.0),
-        ];
-        let beside = |&(x, y, sigma, depth): &(f64, f64, f64, f64), index: usize| {
-            let turn = index as f64 * 1.3;
-            let away = 5.0 * sigma;
-            (
-                x + away * turn.cos(),
-                y + away * turn.sin(),
-                2.0 * sigma,
-                0.7 * depth,
-            )
-        };
-        main.iter()
-            .enumerate()
-            .flat_map(|(i, blob)| [*blob, beside(blob, i)])
-            .collect()
+    /// A disc with one side cut off, which gives it a direction, and a dot
+    /// beside it that tells it from the others.
+    struct Shape {
+        x: f64,
+        y: f64,
+        radius: f64,
+        direction_deg: f64,
+        dot_deg: f64,
+        darkness: f64,
     }
 
-    /// Renders the blobs turned by `angle_deg` and magnified about the middle.
+    fn shapes() -> [Shape; 5] {
+        let shape = |(x, y), radius, direction_deg, dot_deg, darkness| Shape {
+            x,
+            y,
+            radius,
+            direction_deg,
+            dot_deg,
+            darkness,
+        };
+        [
+            shape((82.0, 85.5), 7.0, 10.0, 90.0, 100.0),
+            shape((170.0, 80.0), 9.0, 100.0, 200.0, -100.0),
+            shape((127.5, 126.0), 8.0, 220.0, 300.0, 100.0),
+            shape((84.0, 172.0), 10.0, 300.0, 150.0, -100.0),
+            shape((173.0, 168.0), 7.5, 60.0, 240.0, 100.0),
+        ]
+    }
+
+    /// Grey at a place of the picture as it is before turning.
+    fn grey(x: f64, y: f64) -> f64 {
+        let soft = |inside: f64| 1.0 / (1.0 + (-inside / 0.7).exp());
+        let darkness = |shape: &Shape| {
+            let (dx, dy) = (x - shape.x, y - shape.y);
+            let (sin, cos) = shape.direction_deg.to_radians().sin_cos();
+            let cut = soft(0.2 * shape.radius - (dx * cos + dy * sin));
+            let disc = soft(shape.radius - dx.hypot(dy)) * cut;
+            let (sin, cos) = (shape.direction_deg + shape.dot_deg).to_radians().sin_cos();
+            let away = 1.9 * shape.radius;
+            let dot = soft(0.35 * shape.radius - (dx - away * cos).hypot(dy - away * sin));
+            shape.darkness * (disc + dot)
+        };
+        128.0 - shapes().iter().map(darkness).sum::<f64>()
+    }
+
+    /// The shapes turned by `angle_deg` and magnified about the middle.
     fn picture(angle_deg: f64, magnification: f64) -> GrayImage {
-        let blobs: Vec<_> = blobs()
-            .into_iter()
-            .map(|(x, y, sigma, depth)| {
-                let (x, y) = moved((x, y), angle_deg, magnification);
-                (x, y, sigma * magnification, depth)
-            })
-            .collect();
+        let (sin, cos) = (-angle_deg).to_radians().sin_cos();
         GrayImage::from_fn(256, 256, |x, y| {
-            let darkness: f64 = blobs
-                .iter()
-                .map(|(bx, by, sigma, depth)| {
-                    let square = (f64::from(x) - bx).powi(2) + (f64::from(y) - by).powi(2);
-                    depth * (-square / (2.0 * sigma * sigma)).exp()
-                })
-                .sum();
-            image::Luma([(128.0 - darkness).round().clamp(0.0, 255.0) as u8])
+            let (dx, dy) = (f64::from(x) - 127.5, f64::from(y) - 127.5);
+            let (dx, dy) = (dx * cos - dy * sin, dx * sin + dy * cos);
+            let value = grey(127.5 + dx / magnification, 127.5 + dy / magnification);
+            image::Luma([value.round().clamp(0.0, 255.0) as u8])
         })
     }
 
@@ -176,13 +185,19 @@ mod tests {
         }
     }
 
-    fn nearest(keypoints: &[SurfKeypoint], (x, y): (f64, f64)) -> (usize, f64) {
-        keypoints
-            .iter()
-            .map(|k| (f64::from(k.x) - x).hypot(f64::from(k.y) - y))
-            .enumerate()
-            .min_by(|one, other| one.1.total_cmp(&other.1))
-            .unwrap()
+    fn place(keypoint: &SurfKeypoint) -> (f64, f64) {
+        (f64::from(keypoint.x), f64::from(keypoint.y))
+    }
+
+    fn distance(keypoint: &SurfKeypoint, (x, y): (f64, f64)) -> f64 {
+        (f64::from(keypoint.x) - x).hypot(f64::from(keypoint.y) - y)
+    }
+
+    fn nearest(keypoints: &[SurfKeypoint], at: (f64, f64)) -> usize {
+        let by_distance = |&one: &usize, &other: &usize| {
+            distance(&keypoints[one], at).total_cmp(&distance(&keypoints[other], at))
+        };
+        (0..keypoints.len()).min_by(by_distance).unwrap()
     }
 
     #[test]
@@ -231,20 +246,26 @@ mod tests {
             (40.0, 0.8),
         ] {
             let second = detect(&picture(angle_deg, magnification), &options());
-            let repeated = first
+            // What shrinks below the smallest filters cannot be found again.
+            let findable: Vec<_> = first
+                .iter()
+                .filter(|k| f64::from(k.size) * magnification >= 12.0)
+                .collect();
+            let repeated = findable
                 .iter()
                 .filter(|k| {
-                    let at = moved((f64::from(k.x), f64::from(k.y)), angle_deg, magnification);
-                    let (index, distance) = nearest(&second, at);
-                    let ratio = f64::from(second[index].size / k.size) / magnification;
-                    distance < 1.5 && (0.75..1.35).contains(&ratio)
+                    let at = moved(place(k), angle_deg, magnification);
+                    second.iter().any(|other| {
+                        let ratio = f64::from(other.size / k.size) / magnification;
+                        distance(other, at) < 1.5 && (0.75..1.35).contains(&ratio)
+                    })
                 })
                 .count();
-            let share = repeated as f64 / first.len() as f64;
+            let share = repeated as f64 / findable.len() as f64;
+            let of = findable.len();
             assert!(
-                share >= 0.8,
-                "{angle_deg}° ×{magnification}: {repeated} of {}",
-                first.len()
+                of >= 5 && share >= 0.8,
+                "{angle_deg}° ×{magnification}: {repeated} of {of}"
             );
         }
     }
@@ -254,16 +275,13 @@ mod tests {
         let first_image = picture(0.0, 1.0);
         let first = detect(&first_image, &options());
         let descriptors = describe(&first_image, &first);
+        let mut matched = 0;
         for (angle_deg, magnification) in [(30.0, 1.0), (90.0, 1.0), (145.0, 1.2)] {
             let second_image = picture(angle_deg, magnification);
             let second = detect(&second_image, &options());
             let others = describe(&second_image, &second);
-            for (x, y, ..) in blobs().into_iter().step_by(2) {
-                let (one, _) = nearest(&first, (x, y));
-                let (expected, _) = nearest(&second, moved((x, y), angle_deg, magnification));
-                let turned = second[expected].angle_deg.unwrap() - first[one].angle_deg.unwrap();
-                let off = (f64::from(turned) - angle_deg + 540.0).rem_euclid(360.0) - 180.0;
-                assert!(off.abs() < 12.0, "{angle_deg}°: off by {off}°");
+            for Shape { x, y, .. } in shapes() {
+                let one = nearest(&first, (x, y));
                 let square = |other: &[f32; 64]| -> f32 {
                     other
                         .iter()
@@ -275,14 +293,16 @@ mod tests {
                     .filter(|&i| second[i].laplacian_sign == first[one].laplacian_sign)
                     .min_by(|&a, &b| square(&others[a]).total_cmp(&square(&others[b])))
                     .unwrap();
-                assert_eq!(best, expected, "{angle_deg}° ×{magnification} at {x},{y}");
-                assert!(
-                    square(&others[best]) < 0.09,
-                    "{}",
-                    square(&others[best]).sqrt()
-                );
+                let at = moved(place(&first[one]), angle_deg, magnification);
+                let turned = second[best].angle_deg.unwrap() - first[one].angle_deg.unwrap();
+                let off_deg = (f64::from(turned) - angle_deg + 540.0).rem_euclid(360.0) - 180.0;
+                let off_px = distance(&second[best], at);
+                if off_px < 2.0 && off_deg.abs() < 12.0 && square(&others[best]) < 0.09 {
+                    matched += 1;
+                }
             }
         }
+        assert!(matched >= 13, "{matched} of 15");
     }
 
     #[test]
