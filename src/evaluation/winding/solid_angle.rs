@@ -7,7 +7,7 @@ use super::frame::{Vertex, position};
 const MOST_IN_A_LEAF: usize = 8;
 
 /// A group further away than this many of its radii is taken as a dipole.
-const FAR_RADII: f64 = 4.0;
+const FAR_RADII: f64 = 6.0;
 
 /// The winding number of one triangle seen from `point`: its solid angle over
 /// 4π, positive from behind.
