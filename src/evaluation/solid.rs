@@ -165,7 +165,7 @@ pub(super) mod shapes {
     /// A box from `low` to `high`, faces outward.
     pub(in super::super) fn cuboid(low: [f64; 3], high: [f64; 3]) -> Mesh {
         let corner =
-            |bits: usize| Point3::from([0, 1, 2].map(|axis| [low, high][bits >> axis & 1][axis]));
+            |bits: usize| Point3::from([0, 1, 2].map(|axis| [low, high][(bits >> axis) & 1][axis]));
         let quads = [
             [0, 2, 3, 1],
             [4, 5, 7, 6],

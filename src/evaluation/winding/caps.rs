@@ -85,8 +85,8 @@ fn apexes(open: &[(Vertex, Vertex, i64)], groups: &[usize]) -> Vec<Vertex> {
     let mut sums = vec![([0_i64; 3], 0_i64); count];
     for (&(from, to, _), &group) in open.iter().zip(groups) {
         let (sum, ends) = &mut sums[group];
-        for axis in 0..3 {
-            sum[axis] += i64::from(from[axis]) + i64::from(to[axis]);
+        for (value, (one, other)) in sum.iter_mut().zip(from.iter().zip(&to)) {
+            *value += i64::from(*one) + i64::from(*other);
         }
         *ends += 2;
     }
