@@ -325,3 +325,7 @@ fn width_at(stroke: &Stroke, distance: f64) -> f64 {
     }
     stroke.widths_px.last().copied().unwrap_or(0.0)
 }
+
+#[cfg(test)]
+#[path = "degrade_tests.rs"]
+mod tests;

@@ -23,6 +23,8 @@ pub enum DrawError {
     TooComplex { limit: u64 },
     #[error("a sheet needs at least one view")]
     NoViews,
+    #[error("{found} views are asked for; at most {limit} are drawn")]
+    TooManyViews { found: usize, limit: usize },
     #[error("the view at {azimuth_deg} degrees is asked for twice")]
     DuplicateView { azimuth_deg: f64 },
     #[error("the drawing was cancelled")]

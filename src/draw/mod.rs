@@ -4,6 +4,7 @@
 //! creases and material boundaries, hidden lines removed, as anti-aliased pictures and as vector
 //! strokes, together with what is true of each view: depth, disparity, mask, normals.
 
+mod artifacts;
 mod bvh;
 mod camera;
 mod chain;
@@ -11,14 +12,23 @@ mod degrade;
 mod error;
 mod features;
 mod ink;
+mod lettering;
+mod obj;
 mod options;
+mod page;
 mod prepared;
 mod raster;
+mod sheet;
+mod svg;
 mod truth;
 mod view;
 mod visibility;
 mod wobble;
 
+#[cfg(test)]
+mod tests;
+
+pub use artifacts::{Artifact, ArtifactKind};
 pub use camera::Camera;
 pub use chain::Stroke;
 pub use degrade::{Degradation, DegradeOptions, DegradePreset, ViewError};
@@ -26,5 +36,7 @@ pub use error::DrawError;
 pub use features::LineKind;
 pub use options::{Background, ContourStyle, DrawOptions};
 pub use prepared::PreparedModel;
+pub use sheet::draw_sheet;
+pub use svg::svg;
 pub use truth::{FloatMap, GroundTruth, disparity_towards, normalised_inverse_depth};
 pub use view::{DrawnView, Drawer};

@@ -12,6 +12,9 @@ mod ply;
 mod polygon;
 mod stl;
 
+#[cfg(test)]
+mod tests;
+
 use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
