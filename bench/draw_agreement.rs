@@ -13,7 +13,7 @@ use std::{env, fs};
 
 use image::{GrayImage, ImageBuffer, Luma, Rgb, RgbImage};
 use serde_json::Value;
-use turnaround::draw::{DrawOptions, DrawnView, Drawer, PreparedModel};
+use turnaround::draw::{DrawOptions, Drawer, DrawnView, PreparedModel};
 use turnaround::model_io::{self, Limits, ModelFormat};
 use turnaround::sheet::Azimuth;
 
@@ -35,7 +35,11 @@ fn main() -> Result<()> {
     println!("| sheet | views | their ink found | our ink found | depth | IoU mean | IoU worst |");
     println!("|---|---|---|---|---|---|---|");
     for sheet_dir in names {
-        let name = sheet_dir.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let name = sheet_dir
+            .file_name()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into_owned();
         let pictures = pictures_dir.as_ref().map(|dir| dir.join(&name));
         let row = compare_sheet(&sheet_dir, pictures.as_deref())?;
         println!(
@@ -98,7 +102,8 @@ fn compare_sheet(dir: &Path, pictures: Option<&Path>) -> Result<Row> {
 }
 
 fn is_ink(image: &GrayImage, x: i64, y: i64) -> bool {
-    let inside = (0..i64::from(image.width())).contains(&x) && (0..i64::from(image.height())).contains(&y);
+    let inside =
+        (0..i64::from(image.width())).contains(&x) && (0..i64::from(image.height())).contains(&y);
     inside && image.get_pixel(x as u32, y as u32).0[0] < 128
 }
 
@@ -111,7 +116,8 @@ fn share_found(image: &GrayImage, other: &GrayImage) -> f64 {
             let radius = -INK_RADIUS_PX..=INK_RADIUS_PX;
             let near = radius.clone().any(|dy| {
                 radius.clone().any(|dx| {
-                    dx * dx + dy * dy <= INK_RADIUS_PX * INK_RADIUS_PX && is_ink(other, x + dx, y + dy)
+                    dx * dx + dy * dy <= INK_RADIUS_PX * INK_RADIUS_PX
+                        && is_ink(other, x + dx, y + dy)
                 })
             });
             ink += 1;
@@ -137,7 +143,8 @@ fn compare_depth(
             agreeing += u32::from((f64::from(ours.0[0]) - theirs).abs() < DEPTH_TOLERANCE_UNITS);
         }
     }
-    row.depth_agrees.push(f64::from(agreeing) / f64::from(both.max(1)));
+    row.depth_agrees
+        .push(f64::from(agreeing) / f64::from(both.max(1)));
     row.iou.push(f64::from(both) / f64::from(either.max(1)));
 }
 

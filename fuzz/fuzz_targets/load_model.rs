@@ -35,7 +35,11 @@ fuzz_target!(|data: &[u8]| {
         for triangle in &model.mesh.triangles {
             assert!(triangle.iter().all(|&vertex| (vertex as usize) < vertices));
             for &vertex in triangle {
-                assert!(model.mesh.positions[vertex as usize].iter().all(|c| c.is_finite()));
+                assert!(
+                    model.mesh.positions[vertex as usize]
+                        .iter()
+                        .all(|c| c.is_finite())
+                );
             }
         }
     }

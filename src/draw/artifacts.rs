@@ -120,7 +120,8 @@ pub(super) fn pfm(map: &FloatMap) -> Vec<u8> {
     let mut bytes = format!("Pf\n{} {}\n-1.0\n", map.width(), map.height()).into_bytes();
     bytes.reserve(4 * map.as_raw().len());
     for row in map.as_raw().chunks(map.width().max(1) as usize).rev() {
-        row.iter().for_each(|value| bytes.extend(value.to_le_bytes()));
+        row.iter()
+            .for_each(|value| bytes.extend(value.to_le_bytes()));
     }
     bytes
 }
@@ -129,7 +130,9 @@ pub(super) fn pfm(map: &FloatMap) -> Vec<u8> {
 pub(super) fn depth_counts(depth: &FloatMap, counts_per_unit: f64) -> DynamicImage {
     let counts = depth.as_raw().iter().map(|&depth| {
         if depth.is_finite() {
-            (f64::from(depth) * counts_per_unit).round().clamp(1.0, 65535.0) as u16
+            (f64::from(depth) * counts_per_unit)
+                .round()
+                .clamp(1.0, 65535.0) as u16
         } else {
             0
         }

@@ -26,7 +26,8 @@ impl ViewBox {
     }
 
     fn union(&self, other: &Self) -> Self {
-        let pick = |a: [f64; 2], b: [f64; 2], f: fn(f64, f64) -> f64| [f(a[0], b[0]), f(a[1], b[1])];
+        let pick =
+            |a: [f64; 2], b: [f64; 2], f: fn(f64, f64) -> f64| [f(a[0], b[0]), f(a[1], b[1])];
         Self {
             low: pick(self.low, other.low, f64::min),
             high: pick(self.high, other.high, f64::max),
@@ -43,17 +44,15 @@ impl ViewBox {
     }
 }
 
-/// A tree of boxes over the triangles of one view: finds those over a place in linear memory,
-/// whatever the sizes of the triangles.
-pub(super) struct Bvh {
+/// A tree over the triangles of a model, the same for all views: finds those over a place in
+/// linear memory, whatever the sizes of the triangles.
+pub(super) struct TriangleTree {
     nodes: Vec<Node>,
     /// Triangle indices, leaf by leaf.
     items: Vec<u32>,
-    boxes: Vec<ViewBox>,
 }
 
 struct Node {
-    view_box: ViewBox,
     /// Of `items`.
     first: u32,
     /// 0 for inner nodes, whose children follow: the left one directly, the right one at `right`.
@@ -63,30 +62,24 @@ struct Node {
 
 const LEAF: usize = 4;
 
-impl Bvh {
-    pub fn new(boxes: Vec<ViewBox>) -> Self {
+impl TriangleTree {
+    /// * `centres`: one for each triangle.
+    pub fn new(centres: &[Point3<f64>]) -> Self {
         let mut tree = Self {
-            nodes: Vec::with_capacity(boxes.len()),
-            items: (0..boxes.len() as u32).collect(),
-            boxes,
+            nodes: Vec::with_capacity(centres.len()),
+            items: (0..centres.len() as u32).collect(),
         };
-        if !tree.items.is_empty() {
-            tree.split(0, tree.items.len());
+        if !centres.is_empty() {
+            tree.split(centres, 0, centres.len());
         }
         tree
     }
 
     /// Builds the node over `items[first..end]`; halving keeps the depth at log2(n).
-    fn split(&mut self, first: usize, end: usize) {
-        let view_box = self.items[first + 1..end]
-            .iter()
-            .fold(self.boxes[self.items[first] as usize], |sum, &item| {
-                sum.union(&self.boxes[item as usize])
-            });
+    fn split(&mut self, centres: &[Point3<f64>], first: usize, end: usize) {
         let index = self.nodes.len();
         let leaf = end - first <= LEAF;
         self.nodes.push(Node {
-            view_box,
             first: first as u32,
             count: if leaf { (end - first) as u32 } else { 0 },
             right: 0,
@@ -94,40 +87,73 @@ impl Bvh {
         if leaf {
             return;
         }
-        let extent = |axis: usize| view_box.high[axis] - view_box.low[axis];
-        let axis = usize::from(extent(1) > extent(0));
-        let middle = (first + end) / 2;
-        let boxes = &self.boxes;
-        let centre = |item: &u32| {
-            let b = &boxes[*item as usize];
-            b.low[axis] + b.high[axis]
-        };
-        self.items[first..end].select_nth_unstable_by(middle - first, |a, b| {
-            centre(a).total_cmp(&centre(b)).then(a.cmp(b))
+        let items = &mut self.items[first..end];
+        let start = centres[items[0] as usize];
+        let (low, high) = items.iter().fold((start, start), |(low, high), &item| {
+            let centre = centres[item as usize];
+            (low.inf(&centre), high.sup(&centre))
         });
-        self.split(first, middle);
+        let axis = (high - low).imax();
+        let middle = items.len() / 2;
+        items.select_nth_unstable_by(middle, |&a, &b| {
+            let order = centres[a as usize][axis].total_cmp(&centres[b as usize][axis]);
+            order.then(a.cmp(&b))
+        });
+        self.split(centres, first, first + middle);
         self.nodes[index].right = self.nodes.len() as u32;
-        self.split(middle, end);
+        self.split(centres, first + middle, end);
     }
 
+    /// The tree with the boxes that its triangles have in a view.
+    pub fn over(&self, boxes: Vec<ViewBox>) -> Bvh<'_> {
+        let mut node_boxes = vec![ViewBox::of(&[]); self.nodes.len()];
+        // Children come after their parents.
+        for (index, node) in self.nodes.iter().enumerate().rev() {
+            node_boxes[index] = if node.count == 0 {
+                node_boxes[index + 1].union(&node_boxes[node.right as usize])
+            } else {
+                let items = self.leaf(node).iter().map(|&item| boxes[item as usize]);
+                items.fold(ViewBox::of(&[]), |sum, item| sum.union(&item))
+            };
+        }
+        Bvh {
+            tree: self,
+            node_boxes,
+            boxes,
+        }
+    }
+
+    fn leaf(&self, node: &Node) -> &[u32] {
+        &self.items[node.first as usize..(node.first + node.count) as usize]
+    }
+}
+
+/// A triangle tree in one view.
+pub(super) struct Bvh<'a> {
+    tree: &'a TriangleTree,
+    node_boxes: Vec<ViewBox>,
+    /// Of the triangles.
+    boxes: Vec<ViewBox>,
+}
+
+impl Bvh<'_> {
     /// Calls `visit` with every triangle whose box meets `place` and begins nearer than `depth`,
     /// until it returns `false`.
     pub fn visit(&self, place: &ViewBox, depth: f64, mut visit: impl FnMut(u32) -> bool) {
         let mut pending: Vec<u32> = Vec::with_capacity(64);
-        if !self.nodes.is_empty() {
+        if !self.node_boxes.is_empty() {
             pending.push(0);
         }
         while let Some(index) = pending.pop() {
-            let node = &self.nodes[index as usize];
-            if !node.view_box.may_cover(place, depth) {
+            if !self.node_boxes[index as usize].may_cover(place, depth) {
                 continue;
             }
+            let node = &self.tree.nodes[index as usize];
             if node.count == 0 {
                 pending.extend([node.right, index + 1]);
                 continue;
             }
-            let leaf = node.first as usize..(node.first + node.count) as usize;
-            for &item in &self.items[leaf] {
+            for &item in self.tree.leaf(node) {
                 if self.boxes[item as usize].may_cover(place, depth) && !visit(item) {
                     return;
                 }

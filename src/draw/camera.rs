@@ -120,7 +120,10 @@ mod tests {
         assert_eq!((origin.x, origin.y, origin.z), (480.0, 270.0, 0.0));
         assert!((camera.depth_from_view(0.0) - 8.0 / 30.0_f64.to_radians().cos()).abs() < 1e-12);
         let top = camera.rotate(Vector3::z());
-        assert!((top.z + 0.5).abs() < 1e-12, "the top faces the viewer: {top}");
+        assert!(
+            (top.z + 0.5).abs() < 1e-12,
+            "the top faces the viewer: {top}"
+        );
         let behind = camera.view_from_model(Point3::new(0.0, 1.0, 0.0));
         assert!(behind.y < 270.0, "what is behind appears higher: {behind}");
     }

@@ -52,7 +52,10 @@ fn partners(pieces: &[Piece]) -> Vec<[Option<End>; 2]> {
     let mut meeting: BTreeMap<(LineKind, Node), Vec<End>> = BTreeMap::new();
     for (index, piece) in pieces.iter().enumerate() {
         for end in 0..2 {
-            meeting.entry((piece.kind, piece.ends[end].0)).or_default().push((index, end));
+            meeting
+                .entry((piece.kind, piece.ends[end].0))
+                .or_default()
+                .push((index, end));
         }
     }
     let mut partners = vec![[None; 2]; pieces.len()];

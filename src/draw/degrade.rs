@@ -78,7 +78,12 @@ impl DegradeOptions {
     pub(super) fn check(&self) -> Result<(), DrawError> {
         let checks = [
             ("degrade.wobble_rms_px", self.wobble_rms_px, 0.0, 20.0),
-            ("degrade.wobble_wavelength_px", self.wobble_wavelength_px, 4.0, 1000.0),
+            (
+                "degrade.wobble_wavelength_px",
+                self.wobble_wavelength_px,
+                4.0,
+                1000.0,
+            ),
             ("degrade.gap_share", self.gap_share, 0.0, 0.9),
             ("degrade.width_min_px", self.width_min_px, 0.1, 32.0),
             ("degrade.width_max_px", self.width_max_px, 0.1, 32.0),
@@ -86,9 +91,19 @@ impl DegradeOptions {
             ("degrade.paper_texture", self.paper_texture, 0.0, 0.5),
             ("degrade.scale_error", self.scale_error, 0.0, 0.2),
             ("degrade.shift_px", self.shift_px, 0.0, 100.0),
-            ("degrade.azimuth_error_deg", self.azimuth_error_deg, 0.0, 20.0),
+            (
+                "degrade.azimuth_error_deg",
+                self.azimuth_error_deg,
+                0.0,
+                20.0,
+            ),
             ("degrade.missing_interior", self.missing_interior, 0.0, 1.0),
-            ("degrade.jpeg_quality", self.jpeg_quality.map(f64::from), 0.0, 100.0),
+            (
+                "degrade.jpeg_quality",
+                self.jpeg_quality.map(f64::from),
+                0.0,
+                100.0,
+            ),
         ];
         checks
             .into_iter()
@@ -208,14 +223,18 @@ impl Degradation {
         random: &mut ChaCha8Rng,
     ) -> Vec<&'a Stroke> {
         let is_interior = |stroke: &Stroke| stroke.kind != LineKind::Silhouette;
-        let interior: Vec<_> = (0..strokes.len()).filter(|&i| is_interior(&strokes[i])).collect();
+        let interior: Vec<_> = (0..strokes.len())
+            .filter(|&i| is_interior(&strokes[i]))
+            .collect();
         let count = (self.missing_interior * interior.len() as f64).round() as usize;
         let mut missing = vec![false; strokes.len()];
         for chosen in index::sample(random, interior.len(), count.min(interior.len())) {
             missing[interior[chosen]] = true;
         }
         let strokes = strokes.iter().zip(missing);
-        strokes.filter_map(|(stroke, missing)| (!missing).then_some(stroke)).collect()
+        strokes
+            .filter_map(|(stroke, missing)| (!missing).then_some(stroke))
+            .collect()
     }
 
     fn wobbled(&self, stroke: &Stroke, random: &mut ChaCha8Rng) -> Stroke {
@@ -294,7 +313,9 @@ fn split_at_gaps(stroke: &Stroke, gaps: &[[f64; 2]]) -> Vec<Stroke> {
     let mut parts: Vec<Stroke> = Vec::new();
     let mut drawing = false;
     for (distance, point) in resampled(stroke, 1.0) {
-        let in_gap = gaps.iter().any(|&[from, to]| (from..=to).contains(&distance));
+        let in_gap = gaps
+            .iter()
+            .any(|&[from, to]| (from..=to).contains(&distance));
         if !in_gap {
             if !drawing {
                 parts.push(Stroke {

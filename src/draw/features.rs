@@ -7,7 +7,9 @@ use super::options::ContourStyle;
 use super::prepared::{Edge, PreparedModel};
 
 /// Why a line is drawn.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
+)]
 #[serde(rename_all = "lowercase")]
 pub enum LineKind {
     /// Between the model and the background.
@@ -60,7 +62,10 @@ pub(super) struct ViewedModel<'a> {
 impl<'a> ViewedModel<'a> {
     pub fn new(model: &'a PreparedModel, camera: &Camera) -> Self {
         let positions = &model.mesh.positions;
-        let points: Vec<_> = positions.iter().map(|&p| camera.view_from_model(p)).collect();
+        let points: Vec<_> = positions
+            .iter()
+            .map(|&p| camera.view_from_model(p))
+            .collect();
         let mut viewed = Self {
             model,
             points,
@@ -92,7 +97,9 @@ impl<'a> ViewedModel<'a> {
     fn edge_segment(&self, index: usize, rules: &LineRules) -> Option<Segment> {
         let edge = &self.model.edges[index];
         let kind = self.edge_kind(index, rules)?;
-        let ends = edge.vertices.map(|v| (Node::Vertex(v), self.points[v as usize]));
+        let ends = edge
+            .vertices
+            .map(|v| (Node::Vertex(v), self.points[v as usize]));
         let outward = match kind {
             LineKind::Contour | LineKind::Border => self.outward(edge),
             _ => Vector2::zeros(),
@@ -145,9 +152,11 @@ impl<'a> ViewedModel<'a> {
     }
 
     fn outward(&self, edge: &Edge) -> Vector2<f64> {
-        let farthest = self
-            .sides(edge)
-            .fold(0.0_f64, |far, side| if side.abs() > far.abs() { side } else { far });
+        let farthest =
+            self.sides(edge).fold(
+                0.0_f64,
+                |far, side| if side.abs() > far.abs() { side } else { far },
+            );
         let [a, b] = edge.vertices;
         perpendicular(self.points[a as usize], self.points[b as usize]) * -farthest.signum()
     }
@@ -198,7 +207,10 @@ impl LineRules {
     pub fn new(model: &PreparedModel, crease_angle_deg: f64, style: ContourStyle) -> Self {
         // Two faces at interior angle t have normals at 180 - t.
         let cos_crease = -crease_angle_deg.to_radians().cos();
-        let static_kinds = model.edges.iter().map(|e| static_kind(model, e, cos_crease));
+        let static_kinds = model
+            .edges
+            .iter()
+            .map(|e| static_kind(model, e, cos_crease));
         let smooth_normals = match style {
             ContourStyle::Polygonal => None,
             ContourStyle::Auto => model.corner_normals.clone(),
@@ -229,7 +241,11 @@ fn static_kind(model: &PreparedModel, edge: &Edge, cos_crease: f64) -> Option<Li
     let cosine = |a: usize, b: usize| {
         let dot = model.face_normals[faces[a].face as usize]
             .dot(&model.face_normals[faces[b].face as usize]);
-        if faces[a].forward == faces[b].forward { -dot } else { dot }
+        if faces[a].forward == faces[b].forward {
+            -dot
+        } else {
+            dot
+        }
     };
     let pairs = || (0..faces.len()).flat_map(|a| (0..a).map(move |b| (a, b)));
     // Where more than two faces meet, a pair that goes on smoothly is no crease.
@@ -273,14 +289,20 @@ fn averaged_normals(model: &PreparedModel, cos_crease: f64) -> Vec<[Vector3<f64>
     }
     let averaged = |face: usize, vertex: u32| {
         let own = model.face_normals[face];
-        let near = around[vertex as usize].iter().filter_map(|&(other, angle)| {
-            let normal = model.face_normals[other as usize];
-            (normal.dot(&own) > cos_crease).then_some(normal * angle)
-        });
-        near.sum::<Vector3<f64>>().try_normalize(1e-12).unwrap_or(own)
+        let near = around[vertex as usize]
+            .iter()
+            .filter_map(|&(other, angle)| {
+                let normal = model.face_normals[other as usize];
+                (normal.dot(&own) > cos_crease).then_some(normal * angle)
+            });
+        near.sum::<Vector3<f64>>()
+            .try_normalize(1e-12)
+            .unwrap_or(own)
     };
     let faces = triangles.iter().enumerate();
-    faces.map(|(face, triangle)| triangle.map(|v| averaged(face, v))).collect()
+    faces
+        .map(|(face, triangle)| triangle.map(|v| averaged(face, v)))
+        .collect()
 }
 
 /// Twice the signed area in the picture; negative if the triangle's front is seen (y is down).

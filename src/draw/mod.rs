@@ -39,4 +39,4 @@ pub use prepared::PreparedModel;
 pub use sheet::draw_sheet;
 pub use svg::svg;
 pub use truth::{FloatMap, GroundTruth, disparity_towards, normalised_inverse_depth};
-pub use view::{DrawnView, Drawer};
+pub use view::{Drawer, DrawnView};

@@ -1,6 +1,7 @@
 use nalgebra::{Point3, Vector3};
 
 use super::DrawError;
+use super::bvh::TriangleTree;
 use crate::geometry::Mesh;
 use crate::model_io::Model;
 
@@ -80,7 +81,8 @@ impl PreparedModel {
             return;
         };
         self.mesh.triangles.push(triangle);
-        self.materials.push(model.materials.get(index).copied().unwrap_or(0));
+        self.materials
+            .push(model.materials.get(index).copied().unwrap_or(0));
         self.face_normals.push(normal);
         if let (Some(kept), Some(given)) = (&mut self.corner_normals, &model.corner_normals) {
             kept.push(given.get(index).copied().unwrap_or([normal; 3]));
@@ -89,7 +91,8 @@ impl PreparedModel {
 
     /// Groups the triangles' sides by their vertices, in the order of the vertex indices.
     fn find_edges(&mut self) {
-        let mut sides: Vec<([u32; 2], EdgeFace)> = Vec::with_capacity(3 * self.mesh.triangles.len());
+        let mut sides: Vec<([u32; 2], EdgeFace)> =
+            Vec::with_capacity(3 * self.mesh.triangles.len());
         for (face, &[a, b, c]) in self.mesh.triangles.iter().enumerate() {
             for [from, to] in [[a, b], [b, c], [c, a]] {
                 let side = EdgeFace {
@@ -112,6 +115,15 @@ impl PreparedModel {
 
     pub(super) fn faces_of(&self, edge: &Edge) -> &[EdgeFace] {
         &self.edge_faces[edge.first as usize..(edge.first + edge.count) as usize]
+    }
+
+    pub(super) fn triangle_tree(&self) -> TriangleTree {
+        let faces = 0..self.mesh.triangles.len();
+        let centres = faces.map(|face| {
+            let [a, b, c] = self.mesh.corners(face);
+            Point3::from((a.coords + b.coords + c.coords) / 3.0)
+        });
+        TriangleTree::new(&centres.collect::<Vec<_>>())
     }
 
     /// The mesh that is drawn.

@@ -6,11 +6,22 @@ use super::DrawError;
 pub(super) struct SampleBuffer {
     pub width: usize,
     pub height: usize,
-    /// z of the view frame, refined pixels; infinite where nothing is.
-    pub z: Vec<f64>,
-    /// The triangle; meaningless where nothing is.
-    pub face: Vec<u32>,
+    /// Row by row.
+    pub samples: Vec<Sample>,
 }
+
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sample {
+    /// z of the view frame, refined pixels; infinite where nothing is.
+    pub z: f32,
+    /// The triangle; meaningless where nothing is.
+    pub face: u32,
+}
+
+const NOTHING: Sample = Sample {
+    z: f32::INFINITY,
+    face: 0,
+};
 
 /// Samples that one view may visit, overdraw included: some seconds' work.
 const MAX_VISITED: u64 = 1 << 32;
@@ -20,8 +31,7 @@ impl SampleBuffer {
         Self {
             width,
             height,
-            z: vec![f64::INFINITY; width * height],
-            face: vec![0; width * height],
+            samples: vec![NOTHING; width * height],
         }
     }
 
@@ -60,23 +70,24 @@ impl SampleBuffer {
         let high = a.y.max(b.y).max(c.y);
         let rows = samples_between(low, high, self.height);
         let mut visited = 1 + rows.len() as u64;
+        let sides = [Side::new(a, b), Side::new(b, c), Side::new(c, a)];
         // Interpolated depths stay within the corners' even on slivers.
         let nearest = a.z.min(b.z).min(c.z);
         let farthest = a.z.max(b.z).max(c.z);
         for row in rows {
             let y = row as f64 + 0.5;
-            let Some([left, right]) = span(corners, y) else {
+            let Some([left, right]) = span(&sides, y) else {
                 continue;
             };
             let columns = samples_between(left, right, self.width);
             visited += columns.len() as u64;
             let z_row = a.z + slope_y * (y - a.y) + slope_x * (0.5 - a.x);
-            for column in columns {
-                let z = (z_row + slope_x * column as f64).clamp(nearest, farthest);
-                let index = row * self.width + column;
-                if z < self.z[index] {
-                    self.z[index] = z;
-                    self.face[index] = face;
+            let first = row * self.width;
+            let samples = &mut self.samples[first + columns.start..first + columns.end];
+            for (sample, column) in samples.iter_mut().zip(columns) {
+                let z = (z_row + slope_x * column as f64).clamp(nearest, farthest) as f32;
+                if z < sample.z {
+                    *sample = Sample { z, face };
                 }
             }
         }
@@ -92,25 +103,42 @@ fn samples_between(low: f64, high: f64, count: usize) -> std::ops::Range<usize> 
     first.min(end)..end
 }
 
-/// Where a horizontal line crosses a triangle.
-fn span(corners: [Point3<f64>; 3], y: f64) -> Option<[f64; 2]> {
-    let mut span: Option<[f64; 2]> = None;
-    for index in 0..3 {
-        let (mut p, mut q) = (corners[index], corners[(index + 1) % 3]);
-        // From top to bottom, so that neighbours find the same crossing.
-        if (q.y, q.x) < (p.y, p.x) {
-            (p, q) = (q, p);
-        }
-        if y < p.y || y > q.y {
-            continue;
-        }
-        let crossings = if p.y == q.y {
-            [p.x.min(q.x), p.x.max(q.x)]
+/// A triangle's side, prepared for crossing it with many rows.
+struct Side {
+    top: Point3<f64>,
+    bottom: Point3<f64>,
+    x_per_row: f64,
+}
+
+impl Side {
+    /// From top to bottom, so that both triangles at a side find the same crossings.
+    fn new(p: Point3<f64>, q: Point3<f64>) -> Self {
+        let (top, bottom) = if (q.y, q.x) < (p.y, p.x) {
+            (q, p)
         } else {
-            [p.x + (q.x - p.x) * ((y - p.y) / (q.y - p.y)); 2]
+            (p, q)
         };
-        let [left, right] = span.unwrap_or(crossings);
-        span = Some([left.min(crossings[0]), right.max(crossings[1])]);
+        Self {
+            top,
+            bottom,
+            x_per_row: (bottom.x - top.x) / (bottom.y - top.y),
+        }
     }
-    span
+
+    /// The leftmost and rightmost x that a row has in common with the side.
+    fn crossings(&self, y: f64) -> Option<[f64; 2]> {
+        if y < self.top.y || y > self.bottom.y {
+            return None;
+        }
+        if self.top.y == self.bottom.y {
+            return Some([self.top.x, self.bottom.x]);
+        }
+        Some([self.top.x + self.x_per_row * (y - self.top.y); 2])
+    }
+}
+
+/// Where a row crosses a triangle.
+fn span(sides: &[Side; 3], y: f64) -> Option<[f64; 2]> {
+    let crossings = sides.iter().filter_map(|side| side.crossings(y));
+    crossings.reduce(|[left, right], [first, last]| [left.min(first), right.max(last)])
 }

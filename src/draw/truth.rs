@@ -63,13 +63,18 @@ fn gather(
         hits.clear();
         for row in 0..factor {
             let first = (y as usize * factor + row) * samples.width + x as usize * factor;
-            hits.extend((first..first + factor).filter(|&index| samples.z[index].is_finite()));
+            hits.extend(
+                (first..first + factor).filter(|&index| samples.samples[index].z.is_finite()),
+            );
         }
         if hits.len() < needed {
             continue;
         }
-        hits.sort_unstable_by(|&a, &b| samples.z[a].total_cmp(&samples.z[b]));
-        let z = hits[..needed].iter().map(|&hit| samples.z[hit]).sum::<f64>() / needed as f64;
+        hits.sort_unstable_by(|&a, &b| samples.samples[a].z.total_cmp(&samples.samples[b].z));
+        let nearest = hits[..needed]
+            .iter()
+            .map(|&hit| f64::from(samples.samples[hit].z));
+        let z = nearest.sum::<f64>() / needed as f64;
         depth.0[0] = camera.depth_from_view(z) as f32;
         truth.mask.put_pixel(x, y, Luma([255]));
         let normals = hits[..needed]
@@ -87,7 +92,7 @@ fn normal_at(
     camera: &Camera,
     index: usize,
 ) -> Vector3<f64> {
-    let face = samples.face[index] as usize;
+    let face = samples.samples[index].face as usize;
     let mut normal = viewed.model.face_normals[face];
     if let Some(corner_normals) = &viewed.model.corner_normals {
         let [a, b, c] = viewed.corners(face);
@@ -122,7 +127,11 @@ pub fn normalised_inverse_depth(depth: &FloatMap) -> GrayImage {
     GrayImage::from_fn(depth.width(), depth.height(), |x, y| {
         let d = depth.get_pixel(x, y).0[0];
         let nearness = (farthest - d) / range;
-        Luma([if d.is_finite() { (1.0 + 254.0 * nearness).round() as u8 } else { 0 }])
+        Luma([if d.is_finite() {
+            (1.0 + 254.0 * nearness).round() as u8
+        } else {
+            0
+        }])
     })
 }
 

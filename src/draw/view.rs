@@ -3,6 +3,7 @@ use std::io::Cursor;
 use image::codecs::jpeg::JpegEncoder;
 use image::{DynamicImage, GrayImage, Luma, LumaA};
 
+use super::bvh::TriangleTree;
 use super::camera::Camera;
 use super::chain::{Piece, Stroke, chain};
 use super::degrade::{Degradation, ViewError, view_random};
@@ -33,6 +34,7 @@ pub struct Drawer<'a> {
     model: &'a PreparedModel,
     options: DrawOptions,
     rules: LineRules,
+    tree: TriangleTree,
     degradation: Option<Degradation>,
 }
 
@@ -50,6 +52,7 @@ impl<'a> Drawer<'a> {
         }
         Ok(Self {
             model,
+            tree: model.triangle_tree(),
             rules: LineRules::new(model, options.crease_angle_deg, options.contours),
             degradation: options.degrade.resolved(options.line_width_px),
             options: options.clone(),
@@ -106,7 +109,7 @@ impl<'a> Drawer<'a> {
     /// The visible lines, joined into strokes.
     fn strokes(&self, camera: &Camera) -> Vec<Stroke> {
         let viewed = ViewedModel::new(self.model, camera);
-        let visibility = Visibility::new(&viewed);
+        let visibility = Visibility::new(&viewed, &self.tree);
         let mut pieces = Vec::new();
         for segment in viewed.segments(camera, &self.rules) {
             for part in visibility.visible_parts(&segment) {
@@ -165,5 +168,7 @@ fn compressed(grey: GrayImage, quality: u8) -> Result<DynamicImage, DrawError> {
         .encode_image(&grey)
         .map_err(failed)?;
     let decoded = image::load_from_memory_with_format(bytes.get_ref(), image::ImageFormat::Jpeg);
-    Ok(DynamicImage::ImageLuma8(decoded.map_err(failed)?.into_luma8()))
+    Ok(DynamicImage::ImageLuma8(
+        decoded.map_err(failed)?.into_luma8(),
+    ))
 }

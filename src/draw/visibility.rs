@@ -1,6 +1,6 @@
 use nalgebra::{Point2, Point3};
 
-use super::bvh::{Bvh, ViewBox};
+use super::bvh::{Bvh, TriangleTree, ViewBox};
 use super::features::{Host, LineKind, Segment, ViewedModel};
 
 /// A surface hides a line that lies at least this far behind it, pixels: more than rounding,
@@ -17,16 +17,18 @@ const OVERLAP_PX: f64 = 1e-4;
 /// triangle hides is an interval, found by clipping; the union of the intervals is hidden.
 pub(super) struct Visibility<'a> {
     viewed: &'a ViewedModel<'a>,
-    tree: Bvh,
+    tree: Bvh<'a>,
 }
 
 impl<'a> Visibility<'a> {
-    pub fn new(viewed: &'a ViewedModel<'a>) -> Self {
+    pub fn new(viewed: &'a ViewedModel<'a>, tree: &'a TriangleTree) -> Self {
         let faces = 0..viewed.model.mesh.triangles.len();
-        let boxes = faces.map(|face| ViewBox::of(&viewed.corners(face))).collect();
+        let boxes = faces
+            .map(|face| ViewBox::of(&viewed.corners(face)))
+            .collect();
         Self {
             viewed,
-            tree: Bvh::new(boxes),
+            tree: tree.over(boxes),
         }
     }
 
@@ -40,7 +42,9 @@ impl<'a> Visibility<'a> {
             if !self.hosts(segment.host, face) {
                 hidden.extend(hidden_part(p, q, self.viewed.corners(face as usize)));
             }
-            hidden.last().is_none_or(|&[from, to]| from > 0.0 || to < 1.0)
+            hidden
+                .last()
+                .is_none_or(|&[from, to]| from > 0.0 || to < 1.0)
         });
         complement(hidden, (q - p).xy().norm())
     }
@@ -100,7 +104,9 @@ fn hidden_part(p: Point3<f64>, q: Point3<f64>, [a, b, c]: [Point3<f64>; 3]) -> O
     let area = (b - a).xy().perp(&(c - a).xy());
     let longest = [(b - a), (c - b), (a - c)]
         .iter()
-        .fold(0.0_f64, |longest, side| longest.max(side.xy().norm_squared()));
+        .fold(0.0_f64, |longest, side| {
+            longest.max(side.xy().norm_squared())
+        });
     // Seen edge-on, a triangle hides nothing, and its depth has no slope.
     if area.abs() <= 1e-9 * longest {
         return None;

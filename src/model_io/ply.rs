@@ -2,9 +2,7 @@ use std::io::Cursor;
 
 use nalgebra::Vector3;
 use ply_rs_bw::parser::{Parser, Reader};
-use ply_rs_bw::ply::{
-    ElementDef, Header, Property, PropertyAccess, PropertyAccessResult,
-};
+use ply_rs_bw::ply::{ElementDef, Header, Property, PropertyAccess, PropertyAccessResult};
 
 use super::finish::Soup;
 use super::polygon::Triangulator;
@@ -30,7 +28,9 @@ pub(super) fn read(bytes: &[u8], limits: &Limits) -> Result<Soup, ModelError> {
         }
     }
     let has_normals = header.elements.get("vertex").is_some_and(|vertex| {
-        ["nx", "ny", "nz"].iter().all(|name| vertex.properties.contains_key(*name))
+        ["nx", "ny", "nz"]
+            .iter()
+            .all(|name| vertex.properties.contains_key(*name))
     });
     assembled(&vertices, &faces, has_normals, limits)
 }
@@ -80,7 +80,10 @@ fn assembled(
     let mut triangulator = Triangulator::default();
     for (index, face) in faces.iter().enumerate() {
         let corners = face.corners(index, vertices.len())?;
-        let places: Vec<_> = corners.iter().map(|&c| vertices[c as usize].position).collect();
+        let places: Vec<_> = corners
+            .iter()
+            .map(|&c| vertices[c as usize].position)
+            .collect();
         let mut triangles = Vec::new();
         triangulator.triangulate(&places, &mut triangles);
         for triangle in triangles {
@@ -150,7 +153,9 @@ struct Face {
 impl Face {
     fn corners(&self, index: usize, vertices: usize) -> Result<Vec<u32>, ModelError> {
         let in_range = |&vertex: &i64| {
-            let usable = u32::try_from(vertex).ok().filter(|&v| (v as usize) < vertices);
+            let usable = u32::try_from(vertex)
+                .ok()
+                .filter(|&v| (v as usize) < vertices);
             usable.ok_or(ModelError::IndexOutOfRange {
                 triangle: index,
                 vertex,

@@ -12,7 +12,9 @@ fn malformed(result: Result<Model, ModelError>) -> bool {
 
 fn corners(model: &Model) -> Vec<[[f64; 3]; 3]> {
     let faces = 0..model.mesh.triangles.len();
-    faces.map(|face| model.mesh.corners(face).map(|p| [p.x, p.y, p.z])).collect()
+    faces
+        .map(|face| model.mesh.corners(face).map(|p| [p.x, p.y, p.z]))
+        .collect()
 }
 
 mod obj {
@@ -39,7 +41,11 @@ mod obj {
                      usemtl red\nf 1 2 3\nusemtl blue sky\nf 2 4 3\n";
         let model = load_plain(file, ModelFormat::Obj).unwrap();
         assert_ne!(model.materials[0], model.materials[1]);
-        assert_eq!(model.mesh.positions.len(), 4, "the parts still share their edge");
+        assert_eq!(
+            model.mesh.positions.len(),
+            4,
+            "the parts still share their edge"
+        );
     }
 
     #[test]
@@ -53,7 +59,10 @@ mod obj {
     fn turns_y_up_into_z_up_when_told() {
         let file = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
         let model = load(file, ModelFormat::Obj, Some(UpAxis::Y), &Limits::default()).unwrap();
-        assert_eq!(corners(&model)[0], [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]);
+        assert_eq!(
+            corners(&model)[0],
+            [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
+        );
     }
 
     #[test]
@@ -61,11 +70,17 @@ mod obj {
         let load_obj = |text: &str| load_plain(text.as_bytes(), ModelFormat::Obj);
         assert_eq!(load_obj(""), Err(ModelError::NoTriangles { degenerate: 0 }));
         let line = "v 0 0 0\nv 1 1 1\nv 2 2 2\nf 1 2 3\n";
-        assert_eq!(load_obj(line), Err(ModelError::NoTriangles { degenerate: 1 }));
+        assert_eq!(
+            load_obj(line),
+            Err(ModelError::NoTriangles { degenerate: 1 })
+        );
         assert!(malformed(load_obj("v 0 0 0\nf 1 2 3\n")));
         assert!(malformed(load_obj("v 0 zero 0\n")));
         let not_finite = "v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
-        assert!(matches!(load_obj(not_finite), Err(ModelError::NonFiniteVertex { .. })));
+        assert!(matches!(
+            load_obj(not_finite),
+            Err(ModelError::NonFiniteVertex { .. })
+        ));
         assert!(malformed(load_plain(b"\xff\xfe v", ModelFormat::Obj)));
     }
 }
@@ -77,7 +92,9 @@ mod stl {
         let mut bytes = vec![0; 80];
         bytes[..header.len()].copy_from_slice(header);
         bytes.extend(triangles.to_le_bytes());
-        for number in [0.0_f32, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0] {
+        for number in [
+            0.0_f32, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0,
+        ] {
             bytes.extend(number.to_le_bytes());
         }
         bytes.extend([0, 0]);
@@ -91,7 +108,10 @@ mod stl {
         let expected = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
         let binary_that_says_solid = binary(b"solid exported", 1);
         for file in [ascii.as_slice(), &binary(b"", 1), &binary_that_says_solid] {
-            assert_eq!(corners(&load_plain(file, ModelFormat::Stl).unwrap())[0], expected);
+            assert_eq!(
+                corners(&load_plain(file, ModelFormat::Stl).unwrap())[0],
+                expected
+            );
         }
     }
 
@@ -100,7 +120,10 @@ mod stl {
         assert!(malformed(load_plain(&binary(b"", 2), ModelFormat::Stl)));
         let promised = load_plain(&binary(b"", u32::MAX), ModelFormat::Stl);
         assert!(matches!(promised, Err(ModelError::TooManyTriangles { .. })));
-        assert!(malformed(load_plain(b"solid \nfacet normal 0 0\n", ModelFormat::Stl)));
+        assert!(malformed(load_plain(
+            b"solid \nfacet normal 0 0\n",
+            ModelFormat::Stl
+        )));
         assert!(malformed(load_plain(b"", ModelFormat::Stl)));
     }
 }
@@ -120,7 +143,9 @@ mod ply {
         let text = ascii("0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n");
         let mut little = format!("ply\nformat binary_little_endian 1.0\n{HEADER}").into_bytes();
         let mut big = format!("ply\nformat binary_big_endian 1.0\n{HEADER}").into_bytes();
-        for number in [0.0_f32, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0] {
+        for number in [
+            0.0_f32, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0,
+        ] {
             little.extend(number.to_le_bytes());
             big.extend(number.to_be_bytes());
         }
@@ -148,8 +173,12 @@ mod ply {
         };
         assert_eq!(out_of_range, Err(expected));
         assert!(malformed(load_ply(&ascii("0 0 0\n1 0 0\n"))));
-        let many = "ply\nformat ascii 1.0\nelement vertex 99999999999\nproperty float x\nend_header\n";
-        assert!(matches!(load_ply(many.as_bytes()), Err(ModelError::TooManyVertices { .. })));
+        let many =
+            "ply\nformat ascii 1.0\nelement vertex 99999999999\nproperty float x\nend_header\n";
+        assert!(matches!(
+            load_ply(many.as_bytes()),
+            Err(ModelError::TooManyVertices { .. })
+        ));
         let endless = "ply\nformat binary_little_endian 1.0\nelement nothing 3\nend_header\n";
         assert!(malformed(load_ply(endless.as_bytes())));
     }
@@ -269,9 +298,10 @@ mod gltf {
                 "indices": {"bufferView": 2, "componentType": 5123},
                 "values": {"bufferView": 3}},
         });
-        document["bufferViews"].as_array_mut().unwrap().push(
-            json!({"buffer": 0, "byteOffset": 12, "byteLength": 48}),
-        );
+        document["bufferViews"]
+            .as_array_mut()
+            .unwrap()
+            .push(json!({"buffer": 0, "byteOffset": 12, "byteLength": 48}));
         let model = load_document(&document).unwrap();
         // The skin replaces the mesh node's own place.
         assert_eq!(corners(&model)[0][0], [0.0, -7.0, 0.0]);
@@ -281,7 +311,8 @@ mod gltf {
     fn reads_json_with_an_embedded_buffer_but_follows_no_reference() {
         let mut document = document(json!([{"mesh": 0}]));
         let encoded = base64::engine::general_purpose::STANDARD.encode(buffer());
-        document["buffers"][0]["uri"] = json!(format!("data:application/octet-stream;base64,{encoded}"));
+        document["buffers"][0]["uri"] =
+            json!(format!("data:application/octet-stream;base64,{encoded}"));
         let text = document.to_string();
         let model = load_plain(text.as_bytes(), ModelFormat::Gltf).unwrap();
         assert_eq!(model.mesh.triangles.len(), 1);
@@ -294,7 +325,9 @@ mod gltf {
     fn refuses_graphs_that_are_no_trees() {
         let cycle = json!([{"mesh": 0, "children": [1]}, {"children": [0]}]);
         assert!(malformed(load_document(&document(cycle))));
-        let chain: Vec<_> = (1..1000).map(|child| json!({"children": [child]})).collect();
+        let chain: Vec<_> = (1..1000)
+            .map(|child| json!({"children": [child]}))
+            .collect();
         let mut nodes = Value::from(chain);
         nodes.as_array_mut().unwrap().push(json!({"mesh": 0}));
         assert!(malformed(load_document(&document(nodes))));
@@ -308,7 +341,10 @@ mod gltf {
         assert!(malformed(load_document(&beyond)));
         let mut huge = single();
         huge["accessors"][0]["count"] = json!(4_000_000_000_u32);
-        assert!(matches!(load_document(&huge), Err(ModelError::TooManyVertices { .. })));
+        assert!(matches!(
+            load_document(&huge),
+            Err(ModelError::TooManyVertices { .. })
+        ));
         let mut view = single();
         view["bufferViews"][0]["byteOffset"] = json!(u64::MAX);
         assert!(malformed(load_document(&view)));
@@ -322,7 +358,10 @@ mod gltf {
     fn refuses_required_extensions_that_change_the_surface() {
         let mut compressed = document(json!([{"mesh": 0}]));
         compressed["extensionsRequired"] = json!(["KHR_draco_mesh_compression"]);
-        assert!(matches!(load_document(&compressed), Err(ModelError::Unsupported { .. })));
+        assert!(matches!(
+            load_document(&compressed),
+            Err(ModelError::Unsupported { .. })
+        ));
         compressed["extensionsRequired"] = json!(["KHR_materials_clearcoat"]);
         assert!(load_document(&compressed).is_ok());
     }
@@ -331,7 +370,10 @@ mod gltf {
     fn refuses_headers_that_are_too_short_or_lie() {
         let whole = glb(&document(json!([{"mesh": 0}])));
         for length in 0..whole.len() {
-            assert!(load_plain(&whole[..length], ModelFormat::Glb).is_err(), "{length} bytes");
+            assert!(
+                load_plain(&whole[..length], ModelFormat::Glb).is_err(),
+                "{length} bytes"
+            );
         }
         let mut lying = whole.clone();
         lying[8..12].copy_from_slice(&3_u32.to_le_bytes());
@@ -346,12 +388,21 @@ fn limits_are_checked_before_anything_else() {
         ..Limits::default()
     };
     let refused = load(&[0; 11], ModelFormat::Obj, None, &limits);
-    assert_eq!(refused, Err(ModelError::TooManyBytes { found: 11, limit: 10 }));
+    assert_eq!(
+        refused,
+        Err(ModelError::TooManyBytes {
+            found: 11,
+            limit: 10
+        })
+    );
 }
 
 #[test]
 fn formats_go_by_the_extension() {
-    assert_eq!(ModelFormat::from_file_name("a.b.GLB"), Some(ModelFormat::Glb));
+    assert_eq!(
+        ModelFormat::from_file_name("a.b.GLB"),
+        Some(ModelFormat::Glb)
+    );
     assert_eq!(ModelFormat::from_file_name("model.fbx"), None);
     assert_eq!(ModelFormat::from_file_name("obj"), None);
 }

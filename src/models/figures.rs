@@ -75,9 +75,10 @@ fn arm(side: f64) -> Model {
         .rotated_about_y(-8.0 * side)
         .rotated_about_x(-18.0)
         .translated([0.174 * side, 0.0, -0.698]);
-    let hand = uv_sphere(0.13, 16, 32)
-        .scaled([0.8, 1.0, 1.3])
-        .translated([0.26 * side, -0.21, -1.42]);
+    let hand =
+        uv_sphere(0.13, 16, 32)
+            .scaled([0.8, 1.0, 1.3])
+            .translated([0.26 * side, -0.21, -1.42]);
     upper
         .joined(lower)
         .joined(hand)
@@ -123,7 +124,11 @@ fn cape() -> Model {
         let radius = 0.62 + 0.42 * v * v + 0.05 * v * (5.0 * angle).cos() + 0.03 * f64::from(layer);
         let (sin, cos) = angle.sin_cos();
         let z = 0.86 - 2.25 * v;
-        mesh.positions.push(Point3::new(1.05 * radius * sin, 0.85 * radius * cos - 0.12, z));
+        mesh.positions.push(Point3::new(
+            1.05 * radius * sin,
+            0.85 * radius * cos - 0.12,
+            z,
+        ));
     }
     cape_triangles(&mut mesh, rows, columns);
     Model {
@@ -141,9 +146,8 @@ fn grid(rows: u32, columns: u32) -> impl Iterator<Item = (u32, u32, u32)> {
 
 /// Inner layer (0), outer layer (1) and the rim between them.
 fn cape_triangles(mesh: &mut Mesh, rows: u32, columns: u32) {
-    let vertex = |layer: u32, row: u32, column: u32| {
-        (layer * (rows + 1) + row) * (columns + 1) + column
-    };
+    let vertex =
+        |layer: u32, row: u32, column: u32| (layer * (rows + 1) + row) * (columns + 1) + column;
     let mut quad = |a, b, c, d| mesh.triangles.extend([[a, b, c], [a, c, d]]);
     for row in 0..rows {
         for column in 0..columns {
@@ -154,13 +158,33 @@ fn cape_triangles(mesh: &mut Mesh, rows: u32, columns: u32) {
     }
     for row in 0..rows {
         let (v, l) = (row, columns);
-        quad(vertex(0, v, 0), vertex(0, v + 1, 0), vertex(1, v + 1, 0), vertex(1, v, 0));
-        quad(vertex(0, v, l), vertex(1, v, l), vertex(1, v + 1, l), vertex(0, v + 1, l));
+        quad(
+            vertex(0, v, 0),
+            vertex(0, v + 1, 0),
+            vertex(1, v + 1, 0),
+            vertex(1, v, 0),
+        );
+        quad(
+            vertex(0, v, l),
+            vertex(1, v, l),
+            vertex(1, v + 1, l),
+            vertex(0, v + 1, l),
+        );
     }
     for column in 0..columns {
         let (u, l) = (column, rows);
-        quad(vertex(0, 0, u), vertex(1, 0, u), vertex(1, 0, u + 1), vertex(0, 0, u + 1));
-        quad(vertex(0, l, u), vertex(0, l, u + 1), vertex(1, l, u + 1), vertex(1, l, u));
+        quad(
+            vertex(0, 0, u),
+            vertex(1, 0, u),
+            vertex(1, 0, u + 1),
+            vertex(0, 0, u + 1),
+        );
+        quad(
+            vertex(0, l, u),
+            vertex(0, l, u + 1),
+            vertex(1, l, u + 1),
+            vertex(1, l, u),
+        );
     }
 }
 

@@ -20,10 +20,7 @@ impl Model {
     }
 
     pub(super) fn scaled(self, by: [f64; 3]) -> Self {
-        self.transformed(
-            Matrix3::from_diagonal(&Vector3::from(by)),
-            Vector3::zeros(),
-        )
+        self.transformed(Matrix3::from_diagonal(&Vector3::from(by)), Vector3::zeros())
     }
 
     pub(super) fn rotated_about_x(self, angle_deg: f64) -> Self {
@@ -56,7 +53,11 @@ impl Model {
     pub(super) fn joined(mut self, other: Self) -> Self {
         let first = self.mesh.positions.len() as u32;
         self.mesh.positions.extend(other.mesh.positions);
-        let shifted = other.mesh.triangles.into_iter().map(|t| t.map(|v| v + first));
+        let shifted = other
+            .mesh
+            .triangles
+            .into_iter()
+            .map(|t| t.map(|v| v + first));
         self.mesh.triangles.extend(shifted);
         self.materials.extend(other.materials);
         self
@@ -97,7 +98,12 @@ pub fn cylinder(radius: f64, height: f64, segments: u32) -> Model {
 
 /// A capped cone stump from z = 0 to z = `height`; a radius of 0 gives an apex.
 pub fn frustum(radius_low: f64, radius_high: f64, height: f64, segments: u32) -> Model {
-    let profile = [(0.0, 0.0), (radius_low, 0.0), (radius_high, height), (0.0, height)];
+    let profile = [
+        (0.0, 0.0),
+        (radius_low, 0.0),
+        (radius_high, height),
+        (0.0, height),
+    ];
     lathe(&profile, segments)
 }
 
@@ -106,7 +112,11 @@ pub fn uv_sphere(radius: f64, rings: u32, segments: u32) -> Model {
     let profile: Vec<_> = (0..=rings)
         .map(|ring| {
             let angle = PI * f64::from(ring) / f64::from(rings);
-            let distance = if ring == 0 || ring == rings { 0.0 } else { angle.sin() };
+            let distance = if ring == 0 || ring == rings {
+                0.0
+            } else {
+                angle.sin()
+            };
             (radius * distance, -radius * angle.cos())
         })
         .collect();
@@ -137,14 +147,18 @@ fn push_ring(mesh: &mut Mesh, distance: f64, z: f64, segments: u32) -> Vec<u32> 
     }
     for segment in 0..segments {
         let (sin, cos) = (TAU * f64::from(segment) / f64::from(segments)).sin_cos();
-        mesh.positions.push(Point3::new(distance * cos, distance * sin, z));
+        mesh.positions
+            .push(Point3::new(distance * cos, distance * sin, z));
     }
     (first..first + segments).collect()
 }
 
 fn push_band(mesh: &mut Mesh, below: &[u32], above: &[u32], segment: usize) {
     let next = (segment + 1) % below.len();
-    push_quad(mesh, [below[segment], below[next], above[next], above[segment]]);
+    push_quad(
+        mesh,
+        [below[segment], below[next], above[next], above[segment]],
+    );
 }
 
 /// Two triangles; those that have shrunk to a line are left out.
@@ -164,13 +178,22 @@ pub fn torus(major: f64, minor: f64, major_segments: u32, minor_segments: u32) -
         for j in 0..minor_segments {
             let (tube_sin, tube_cos) = (TAU * f64::from(j) / f64::from(minor_segments)).sin_cos();
             let distance = major + minor * tube_cos;
-            mesh.positions.push(Point3::new(distance * cos, distance * sin, minor * tube_sin));
+            mesh.positions.push(Point3::new(
+                distance * cos,
+                distance * sin,
+                minor * tube_sin,
+            ));
         }
     }
     let vertex = |i: u32, j: u32| (i % major_segments) * minor_segments + j % minor_segments;
     for i in 0..major_segments {
         for j in 0..minor_segments {
-            let quad = [vertex(i, j), vertex(i + 1, j), vertex(i + 1, j + 1), vertex(i, j + 1)];
+            let quad = [
+                vertex(i, j),
+                vertex(i + 1, j),
+                vertex(i + 1, j + 1),
+                vertex(i, j + 1),
+            ];
             push_quad(&mut mesh, quad);
         }
     }

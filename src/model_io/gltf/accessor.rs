@@ -16,7 +16,10 @@ pub(super) fn read<const N: usize>(
 ) -> Result<Vec<[f64; N]>, ModelError> {
     let found = accessor.dimensions().multiplicity();
     if found != N {
-        return Err(invalid(accessor, format!("{found} components instead of {N}")));
+        return Err(invalid(
+            accessor,
+            format!("{found} components instead of {N}"),
+        ));
     }
     if N == 1 {
         limits.check_triangles(accessor.count() / 3)?;
@@ -59,14 +62,22 @@ fn decoded<const N: usize>(
         .and_then(|last| last.checked_add(layout.offset)?.checked_add(N * size))
         .filter(|&end| end <= bytes.len());
     if end.is_none() && layout.count > 0 {
-        let reason = format!("its {} elements do not fit {} bytes", layout.count, bytes.len());
+        let reason = format!(
+            "its {} elements do not fit {} bytes",
+            layout.count,
+            bytes.len()
+        );
         return Err(invalid(accessor, reason));
     }
     let element = |index: usize| {
         let first = layout.offset + index * layout.stride;
         std::array::from_fn(|component| {
             let start = first + component * size;
-            component_value(&bytes[start..start + size], accessor.data_type(), accessor.normalized())
+            component_value(
+                &bytes[start..start + size],
+                accessor.data_type(),
+                accessor.normalized(),
+            )
         })
     };
     Ok((0..layout.count).map(element).collect())
@@ -93,7 +104,12 @@ fn substitute<const N: usize>(
         .offset()
         .checked_add(count.saturating_mul(index_size))
         .and_then(|end| positions.get(indices.offset()..end))
-        .ok_or_else(|| invalid(accessor, "its sparse indices end beyond their view".to_owned()))?;
+        .ok_or_else(|| {
+            invalid(
+                accessor,
+                "its sparse indices end beyond their view".to_owned(),
+            )
+        })?;
     let layout = Layout {
         offset: sparse.values().offset(),
         stride: accessor.size(),
@@ -105,7 +121,10 @@ fn substitute<const N: usize>(
         let index = component_value(position, index_type, false) as usize;
         let count = elements.len();
         *elements.get_mut(index).ok_or_else(|| {
-            invalid(accessor, format!("sparse index {index} of {count} elements"))
+            invalid(
+                accessor,
+                format!("sparse index {index} of {count} elements"),
+            )
         })? = value;
     }
     Ok(())

@@ -32,12 +32,16 @@ impl<'a> Container<'a> {
     pub fn open(bytes: &'a [u8]) -> Result<Self, ModelError> {
         let malformed = |error: &dyn std::fmt::Display| ModelError::malformed(FORMAT, error);
         let (json, blob) = split(bytes)?;
-        let mut root: json::Root = json::deserialize::from_slice(&json).map_err(|e| malformed(&e))?;
+        let mut root: json::Root =
+            json::deserialize::from_slice(&json).map_err(|e| malformed(&e))?;
         // The parser refuses required extensions that it does not know, so they are sorted first.
         let required = std::mem::take(&mut root.extensions_required);
         let irrelevant = |name: &str| IRRELEVANT_EXTENSIONS.iter().any(|i| name.starts_with(i));
         if let Some(needed) = required.iter().find(|name| !irrelevant(name)) {
-            return Err(ModelError::unsupported(FORMAT, format!("extension {needed}")));
+            return Err(ModelError::unsupported(
+                FORMAT,
+                format!("extension {needed}"),
+            ));
         }
         let document = Document::from_json(root).map_err(|e| malformed(&e))?;
         let buffers = document
@@ -51,14 +55,15 @@ impl<'a> Container<'a> {
     pub fn view(&self, view: &::gltf::buffer::View<'_>) -> Result<&[u8], ModelError> {
         let buffer = &self.buffers[view.buffer().index()];
         let end = view.offset().checked_add(view.length());
-        end.and_then(|end| buffer.get(view.offset()..end)).ok_or_else(|| {
-            let reason = format!(
-                "buffer view {} ends beyond its buffer of {} bytes",
-                view.index(),
-                buffer.len()
-            );
-            ModelError::malformed(FORMAT, reason)
-        })
+        end.and_then(|end| buffer.get(view.offset()..end))
+            .ok_or_else(|| {
+                let reason = format!(
+                    "buffer view {} ends beyond its buffer of {} bytes",
+                    view.index(),
+                    buffer.len()
+                );
+                ModelError::malformed(FORMAT, reason)
+            })
     }
 }
 
@@ -70,7 +75,9 @@ fn split(bytes: &[u8]) -> Result<Chunks<'_>, ModelError> {
         return Ok((Cow::Borrowed(bytes), None));
     }
     // The parser subtracts the header's length without a look.
-    let length = bytes.get(8..GLB_HEADER_BYTES).and_then(|b| b.try_into().ok());
+    let length = bytes
+        .get(8..GLB_HEADER_BYTES)
+        .and_then(|b| b.try_into().ok());
     let length = length.map_or(0, u32::from_le_bytes) as usize;
     if length < GLB_HEADER_BYTES {
         let reason = format!("a binary file of {length} bytes by its header");

@@ -34,14 +34,19 @@ pub(super) fn read(bytes: &[u8], limits: &Limits) -> Result<Soup, ModelError> {
 }
 
 fn roots(document: &Document) -> Vec<Node<'_>> {
-    let scene = document.default_scene().or_else(|| document.scenes().next());
+    let scene = document
+        .default_scene()
+        .or_else(|| document.scenes().next());
     match scene {
         Some(scene) => scene.nodes().collect(),
         None => {
             let mut is_child = vec![false; document.nodes().len()];
             let children = document.nodes().flat_map(|node| node.children());
             children.for_each(|child| is_child[child.index()] = true);
-            document.nodes().filter(|node| !is_child[node.index()]).collect()
+            document
+                .nodes()
+                .filter(|node| !is_child[node.index()])
+                .collect()
         }
     }
 }
@@ -68,7 +73,10 @@ impl Walk<'_> {
         }
         let parent_from_node = Matrix4::from(node.transform().matrix()).map(f64::from);
         let world_from_node = world_from_parent * parent_from_node;
-        if self.world_from_node[node.index()].replace(world_from_node).is_some() {
+        if self.world_from_node[node.index()]
+            .replace(world_from_node)
+            .is_some()
+        {
             let reason = format!("node {} has more than one parent", node.index());
             return Err(ModelError::malformed(FORMAT, reason));
         }

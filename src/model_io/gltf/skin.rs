@@ -1,8 +1,8 @@
 use ::gltf::Skin;
 use nalgebra::Matrix4;
 
-use super::{FORMAT, accessor};
 use super::container::Container;
+use super::{FORMAT, accessor};
 use crate::model_io::{Limits, ModelError};
 
 /// For each joint the transform of vertices bound to it, in the pose that the nodes have.
@@ -16,7 +16,11 @@ pub(super) fn world_from_bind(
 ) -> Result<Vec<Matrix4<f64>>, ModelError> {
     let node_from_bind = match skin.inverse_bind_matrices() {
         Some(matrices) if matrices.count() < skin.joints().len() => {
-            let reason = format!("{} bind matrices of {} joints", matrices.count(), skin.joints().len());
+            let reason = format!(
+                "{} bind matrices of {} joints",
+                matrices.count(),
+                skin.joints().len()
+            );
             return Err(ModelError::malformed(FORMAT, reason));
         }
         Some(matrices) => accessor::read::<16>(&matrices, container, limits)?,
