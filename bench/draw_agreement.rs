@@ -35,11 +35,7 @@ fn main() -> Result<()> {
     println!("| sheet | views | their ink found | our ink found | depth | IoU mean | IoU worst |");
     println!("|---|---|---|---|---|---|---|");
     for sheet_dir in names {
-        let name = sheet_dir
-            .file_name()
-            .unwrap_or_default()
-            .to_string_lossy()
-            .into_owned();
+        let name = sheet_dir.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let pictures = pictures_dir.as_ref().map(|dir| dir.join(&name));
         let row = compare_sheet(&sheet_dir, pictures.as_deref())?;
         println!(
@@ -143,8 +139,7 @@ fn compare_depth(
             agreeing += u32::from((f64::from(ours.0[0]) - theirs).abs() < DEPTH_TOLERANCE_UNITS);
         }
     }
-    row.depth_agrees
-        .push(f64::from(agreeing) / f64::from(both.max(1)));
+    row.depth_agrees.push(f64::from(agreeing) / f64::from(both.max(1)));
     row.iou.push(f64::from(both) / f64::from(either.max(1)));
 }
 

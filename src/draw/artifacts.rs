@@ -76,11 +76,7 @@ impl ArtifactKind {
     }
 
     pub(super) fn with(self, bytes: Vec<u8>) -> Artifact {
-        Artifact {
-            name: self.name(),
-            media_type: self.media_type(),
-            bytes,
-        }
+        Artifact { name: self.name(), media_type: self.media_type(), bytes }
     }
 
     pub(super) fn with_image(self, image: &DynamicImage) -> Result<Artifact, DrawError> {
@@ -94,10 +90,7 @@ impl ArtifactKind {
     }
 
     fn failed(self, error: &dyn std::error::Error) -> DrawError {
-        DrawError::Encoding {
-            name: self.name(),
-            reason: error.to_string(),
-        }
+        DrawError::Encoding { name: self.name(), reason: error.to_string() }
     }
 }
 
@@ -120,8 +113,7 @@ pub(super) fn pfm(map: &FloatMap) -> Vec<u8> {
     let mut bytes = format!("Pf\n{} {}\n-1.0\n", map.width(), map.height()).into_bytes();
     bytes.reserve(4 * map.as_raw().len());
     for row in map.as_raw().chunks(map.width().max(1) as usize).rev() {
-        row.iter()
-            .for_each(|value| bytes.extend(value.to_le_bytes()));
+        row.iter().for_each(|value| bytes.extend(value.to_le_bytes()));
     }
     bytes
 }
@@ -130,9 +122,7 @@ pub(super) fn pfm(map: &FloatMap) -> Vec<u8> {
 pub(super) fn depth_counts(depth: &FloatMap, counts_per_unit: f64) -> DynamicImage {
     let counts = depth.as_raw().iter().map(|&depth| {
         if depth.is_finite() {
-            (f64::from(depth) * counts_per_unit)
-                .round()
-                .clamp(1.0, 65535.0) as u16
+            (f64::from(depth) * counts_per_unit).round().clamp(1.0, 65535.0) as u16
         } else {
             0
         }

@@ -10,11 +10,8 @@ pub(super) struct ViewBox {
 
 impl ViewBox {
     pub fn of(points: &[Point3<f64>]) -> Self {
-        let mut view_box = Self {
-            low: [f64::INFINITY; 2],
-            high: [f64::NEG_INFINITY; 2],
-            nearest: f64::INFINITY,
-        };
+        let mut view_box =
+            Self { low: [f64::INFINITY; 2], high: [f64::NEG_INFINITY; 2], nearest: f64::INFINITY };
         for p in points {
             for axis in 0..2 {
                 view_box.low[axis] = view_box.low[axis].min(p[axis]);
@@ -116,11 +113,7 @@ impl TriangleTree {
                 items.fold(ViewBox::of(&[]), |sum, item| sum.union(&item))
             };
         }
-        Bvh {
-            tree: self,
-            node_boxes,
-            boxes,
-        }
+        Bvh { tree: self, node_boxes, boxes }
     }
 
     fn leaf(&self, node: &Node) -> &[u32] {

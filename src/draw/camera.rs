@@ -40,10 +40,7 @@ impl Camera {
         );
         Self {
             view_from_model: rotation * pixels_per_unit,
-            centre_px: [
-                f64::from(options.width_px) / 2.0,
-                f64::from(options.height_px) / 2.0,
-            ],
+            centre_px: [f64::from(options.width_px) / 2.0, f64::from(options.height_px) / 2.0],
             pixels_per_unit,
             distance_units: options.distance / cos_e,
         }
@@ -62,10 +59,7 @@ impl Camera {
     /// The same camera with the picture moved by `offset_px`.
     pub(super) fn shifted(self, offset_px: [f64; 2]) -> Self {
         Self {
-            centre_px: [
-                self.centre_px[0] + offset_px[0],
-                self.centre_px[1] + offset_px[1],
-            ],
+            centre_px: [self.centre_px[0] + offset_px[0], self.centre_px[1] + offset_px[1]],
             ..self
         }
     }
@@ -91,10 +85,7 @@ mod tests {
     use super::*;
 
     fn camera(azimuth_deg: f64, elevation_deg: f64) -> Camera {
-        let options = DrawOptions {
-            elevation_deg,
-            ..DrawOptions::default()
-        };
+        let options = DrawOptions { elevation_deg, ..DrawOptions::default() };
         Camera::new(Azimuth::from_degrees(azimuth_deg).unwrap(), &options)
     }
 
@@ -120,10 +111,7 @@ mod tests {
         assert_eq!((origin.x, origin.y, origin.z), (480.0, 270.0, 0.0));
         assert!((camera.depth_from_view(0.0) - 8.0 / 30.0_f64.to_radians().cos()).abs() < 1e-12);
         let top = camera.rotate(Vector3::z());
-        assert!(
-            (top.z + 0.5).abs() < 1e-12,
-            "the top faces the viewer: {top}"
-        );
+        assert!((top.z + 0.5).abs() < 1e-12, "the top faces the viewer: {top}");
         let behind = camera.view_from_model(Point3::new(0.0, 1.0, 0.0));
         assert!(behind.y < 270.0, "what is behind appears higher: {behind}");
     }

@@ -52,10 +52,7 @@ fn partners(pieces: &[Piece]) -> Vec<[Option<End>; 2]> {
     let mut meeting: BTreeMap<(LineKind, Node), Vec<End>> = BTreeMap::new();
     for (index, piece) in pieces.iter().enumerate() {
         for end in 0..2 {
-            meeting
-                .entry((piece.kind, piece.ends[end].0))
-                .or_default()
-                .push((index, end));
+            meeting.entry((piece.kind, piece.ends[end].0)).or_default().push((index, end));
         }
     }
     let mut partners = vec![[None; 2]; pieces.len()];
@@ -111,9 +108,5 @@ fn follow(
         points.push(pieces[piece].ends[1 - end].1);
         at = partners[piece][1 - end];
     }
-    Stroke {
-        kind: pieces[start].kind,
-        points,
-        widths_px: Vec::new(),
-    }
+    Stroke { kind: pieces[start].kind, points, widths_px: Vec::new() }
 }

@@ -68,22 +68,13 @@ pub enum DegradePreset {
 
 impl DegradeOptions {
     pub fn preset(preset: DegradePreset, seed: u64) -> Self {
-        Self {
-            preset: Some(preset),
-            seed,
-            ..Self::default()
-        }
+        Self { preset: Some(preset), seed, ..Self::default() }
     }
 
     pub(super) fn check(&self) -> Result<(), DrawError> {
         let checks = [
             ("degrade.wobble_rms_px", self.wobble_rms_px, 0.0, 20.0),
-            (
-                "degrade.wobble_wavelength_px",
-                self.wobble_wavelength_px,
-                4.0,
-                1000.0,
-            ),
+            ("degrade.wobble_wavelength_px", self.wobble_wavelength_px, 4.0, 1000.0),
             ("degrade.gap_share", self.gap_share, 0.0, 0.9),
             ("degrade.width_min_px", self.width_min_px, 0.1, 32.0),
             ("degrade.width_max_px", self.width_max_px, 0.1, 32.0),
@@ -91,19 +82,9 @@ impl DegradeOptions {
             ("degrade.paper_texture", self.paper_texture, 0.0, 0.5),
             ("degrade.scale_error", self.scale_error, 0.0, 0.2),
             ("degrade.shift_px", self.shift_px, 0.0, 100.0),
-            (
-                "degrade.azimuth_error_deg",
-                self.azimuth_error_deg,
-                0.0,
-                20.0,
-            ),
+            ("degrade.azimuth_error_deg", self.azimuth_error_deg, 0.0, 20.0),
             ("degrade.missing_interior", self.missing_interior, 0.0, 1.0),
-            (
-                "degrade.jpeg_quality",
-                self.jpeg_quality.map(f64::from),
-                0.0,
-                100.0,
-            ),
+            ("degrade.jpeg_quality", self.jpeg_quality.map(f64::from), 0.0, 100.0),
         ];
         checks
             .into_iter()
@@ -131,9 +112,7 @@ impl DegradeOptions {
             wobble_wavelength_px: self.wobble_wavelength_px.unwrap_or(40.0),
             gap_share: self.gap_share.unwrap_or(0.02 * strength),
             width_min_px: self.width_min_px.unwrap_or(thinnest),
-            width_max_px: self
-                .width_max_px
-                .unwrap_or(line_width_px * (1.0 + strength * 2.0 / 3.0)),
+            width_max_px: self.width_max_px.unwrap_or(line_width_px * (1.0 + strength * 2.0 / 3.0)),
             pencil_lightness: self.pencil_lightness.unwrap_or(0.3 * strength),
             paper_texture: self.paper_texture.unwrap_or(0.015 * strength),
             scale_error: self.scale_error.unwrap_or(0.02 * strength),
@@ -223,28 +202,20 @@ impl Degradation {
         random: &mut ChaCha8Rng,
     ) -> Vec<&'a Stroke> {
         let is_interior = |stroke: &Stroke| stroke.kind != LineKind::Silhouette;
-        let interior: Vec<_> = (0..strokes.len())
-            .filter(|&i| is_interior(&strokes[i]))
-            .collect();
+        let interior: Vec<_> = (0..strokes.len()).filter(|&i| is_interior(&strokes[i])).collect();
         let count = (self.missing_interior * interior.len() as f64).round() as usize;
         let mut missing = vec![false; strokes.len()];
         for chosen in index::sample(random, interior.len(), count.min(interior.len())) {
             missing[interior[chosen]] = true;
         }
         let strokes = strokes.iter().zip(missing);
-        strokes
-            .filter_map(|(stroke, missing)| (!missing).then_some(stroke))
-            .collect()
+        strokes.filter_map(|(stroke, missing)| (!missing).then_some(stroke)).collect()
     }
 
     fn wobbled(&self, stroke: &Stroke, random: &mut ChaCha8Rng) -> Stroke {
         let spacing_px = (self.wobble_wavelength_px / 10.0).clamp(1.0, 4.0);
         let [x, y, pressure] = [(); 3].map(|()| Noise::new(self.wobble_wavelength_px, random));
-        let mut redrawn = Stroke {
-            kind: stroke.kind,
-            points: Vec::new(),
-            widths_px: Vec::new(),
-        };
+        let mut redrawn = Stroke { kind: stroke.kind, points: Vec::new(), widths_px: Vec::new() };
         let middle = (self.width_min_px + self.width_max_px) / 2.0;
         let half = (self.width_max_px - self.width_min_px) / 2.0;
         for (distance, point) in resampled(stroke, spacing_px) {
@@ -313,16 +284,10 @@ fn split_at_gaps(stroke: &Stroke, gaps: &[[f64; 2]]) -> Vec<Stroke> {
     let mut parts: Vec<Stroke> = Vec::new();
     let mut drawing = false;
     for (distance, point) in resampled(stroke, 1.0) {
-        let in_gap = gaps
-            .iter()
-            .any(|&[from, to]| (from..=to).contains(&distance));
+        let in_gap = gaps.iter().any(|&[from, to]| (from..=to).contains(&distance));
         if !in_gap {
             if !drawing {
-                parts.push(Stroke {
-                    kind: stroke.kind,
-                    points: Vec::new(),
-                    widths_px: Vec::new(),
-                });
+                parts.push(Stroke { kind: stroke.kind, points: Vec::new(), widths_px: Vec::new() });
             }
             let width = width_at(stroke, distance);
             if let Some(part) = parts.last_mut() {

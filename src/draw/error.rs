@@ -6,12 +6,7 @@ pub enum DrawError {
     #[error("triangle {triangle} has an index out of range or a coordinate that is not finite")]
     InvalidModel { triangle: usize },
     #[error("{option} is {value}; it must be between {min} and {max}")]
-    OptionOutOfRange {
-        option: &'static str,
-        value: f64,
-        min: f64,
-        max: f64,
-    },
+    OptionOutOfRange { option: &'static str, value: f64, min: f64, max: f64 },
     #[error("size and supersampling ask for {found} samples; at most {limit} are computed")]
     TooManySamples { found: u64, limit: u64 },
     #[error(

@@ -33,9 +33,7 @@ pub(super) fn ink_coverage(
 fn outlines(stroke: &Stroke, line_width_px: f64, resolution: f32) -> Vec<Path> {
     if stroke.widths_px.is_empty() {
         let points = stroke.points.iter().map(|p| (p.x as f32, p.y as f32));
-        return outline(points, line_width_px as f32, resolution)
-            .into_iter()
-            .collect();
+        return outline(points, line_width_px as f32, resolution).into_iter().collect();
     }
     let pairs = stroke.points.windows(2).zip(stroke.widths_px.windows(2));
     pairs

@@ -110,10 +110,7 @@ impl DrawOptions {
             * u64::from(self.height_px)
             * u64::from(self.supersampling).pow(2);
         if samples > MAX_SAMPLES {
-            return Err(DrawError::TooManySamples {
-                found: samples,
-                limit: MAX_SAMPLES,
-            });
+            return Err(DrawError::TooManySamples { found: samples, limit: MAX_SAMPLES });
         }
         Ok(())
     }
@@ -129,11 +126,6 @@ pub(super) fn in_range(
     if (min..=max).contains(&value) {
         Ok(())
     } else {
-        Err(DrawError::OptionOutOfRange {
-            option,
-            value,
-            min,
-            max,
-        })
+        Err(DrawError::OptionOutOfRange { option, value, min, max })
     }
 }

@@ -54,10 +54,7 @@ pub(super) fn compose_page(
     let (width, height) = (columns * window.width, rows * (window.height + label_px));
     let pixels = u64::from(width) * u64::from(height);
     if pixels > MAX_PAGE_PIXELS {
-        return Err(DrawError::TooManySamples {
-            found: pixels,
-            limit: MAX_PAGE_PIXELS,
-        });
+        return Err(DrawError::TooManySamples { found: pixels, limit: MAX_PAGE_PIXELS });
     }
     let mut page = GrayImage::from_pixel(width, height, Luma([255]));
     let mut labels = Vec::new();
@@ -97,12 +94,7 @@ impl Window {
         });
         let size = [options.width_px, options.height_px];
         let Some(union) = union else {
-            return Self {
-                x: 0,
-                y: 0,
-                width: size[0],
-                height: size[1],
-            };
+            return Self { x: 0, y: 0, width: size[0], height: size[1] };
         };
         // The casts saturate; the axis stays in the middle.
         let half = f64::from(size[0]) / 2.0;
@@ -110,11 +102,6 @@ impl Window {
         let x = ((half - reach).max(0.0) as u32).min(size[0] / 2 - 1);
         let y = ((union.low[1] - margin).max(0.0) as u32).min(size[1] - 1);
         let bottom = ((union.high[1] + margin).ceil().max(0.0) as u32).clamp(y + 1, size[1]);
-        Self {
-            x,
-            y,
-            width: size[0] - 2 * x,
-            height: bottom - y,
-        }
+        Self { x, y, width: size[0] - 2 * x, height: bottom - y }
     }
 }

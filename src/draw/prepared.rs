@@ -47,10 +47,7 @@ impl PreparedModel {
     pub fn new(model: &Model) -> Result<Self, DrawError> {
         check(model)?;
         let mut prepared = Self {
-            mesh: Mesh {
-                positions: model.mesh.positions.clone(),
-                triangles: Vec::new(),
-            },
+            mesh: Mesh { positions: model.mesh.positions.clone(), triangles: Vec::new() },
             materials: Vec::new(),
             face_normals: Vec::new(),
             corner_normals: model.corner_normals.as_ref().map(|_| Vec::new()),
@@ -66,9 +63,8 @@ impl PreparedModel {
         }
         prepared.find_edges();
         let used = prepared.mesh.triangles.iter().flatten();
-        prepared.radius = used
-            .map(|&v| prepared.mesh.positions[v as usize].coords.norm())
-            .fold(0.0, f64::max);
+        prepared.radius =
+            used.map(|&v| prepared.mesh.positions[v as usize].coords.norm()).fold(0.0, f64::max);
         Ok(prepared)
     }
 
@@ -81,8 +77,7 @@ impl PreparedModel {
             return;
         };
         self.mesh.triangles.push(triangle);
-        self.materials
-            .push(model.materials.get(index).copied().unwrap_or(0));
+        self.materials.push(model.materials.get(index).copied().unwrap_or(0));
         self.face_normals.push(normal);
         if let (Some(kept), Some(given)) = (&mut self.corner_normals, &model.corner_normals) {
             kept.push(given.get(index).copied().unwrap_or([normal; 3]));
@@ -95,10 +90,7 @@ impl PreparedModel {
             Vec::with_capacity(3 * self.mesh.triangles.len());
         for (face, &[a, b, c]) in self.mesh.triangles.iter().enumerate() {
             for [from, to] in [[a, b], [b, c], [c, a]] {
-                let side = EdgeFace {
-                    face: face as u32,
-                    forward: from < to,
-                };
+                let side = EdgeFace { face: face as u32, forward: from < to };
                 sides.push(([from.min(to), from.max(to)], side));
             }
         }

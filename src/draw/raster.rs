@@ -18,21 +18,14 @@ pub(super) struct Sample {
     pub face: u32,
 }
 
-const NOTHING: Sample = Sample {
-    z: f32::INFINITY,
-    face: 0,
-};
+const NOTHING: Sample = Sample { z: f32::INFINITY, face: 0 };
 
 /// Samples that one view may visit, overdraw included: some seconds' work.
 const MAX_VISITED: u64 = 1 << 32;
 
 impl SampleBuffer {
     pub fn new(width: usize, height: usize) -> Self {
-        Self {
-            width,
-            height,
-            samples: vec![NOTHING; width * height],
-        }
+        Self { width, height, samples: vec![NOTHING; width * height] }
     }
 
     /// Draws triangles given in the frame of the samples (sample centres at half integers), seen
@@ -113,16 +106,8 @@ struct Side {
 impl Side {
     /// From top to bottom, so that both triangles at a side find the same crossings.
     fn new(p: Point3<f64>, q: Point3<f64>) -> Self {
-        let (top, bottom) = if (q.y, q.x) < (p.y, p.x) {
-            (q, p)
-        } else {
-            (p, q)
-        };
-        Self {
-            top,
-            bottom,
-            x_per_row: (bottom.x - top.x) / (bottom.y - top.y),
-        }
+        let (top, bottom) = if (q.y, q.x) < (p.y, p.x) { (q, p) } else { (p, q) };
+        Self { top, bottom, x_per_row: (bottom.x - top.x) / (bottom.y - top.y) }
     }
 
     /// The leftmost and rightmost x that a row has in common with the side.

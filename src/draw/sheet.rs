@@ -70,23 +70,15 @@ fn ordered(azimuths: &[Azimuth], options: &DrawOptions) -> Result<Vec<Azimuth>, 
         return Err(DrawError::NoViews);
     }
     if azimuths.len() > MAX_VIEWS {
-        return Err(DrawError::TooManyViews {
-            found: azimuths.len(),
-            limit: MAX_VIEWS,
-        });
+        return Err(DrawError::TooManyViews { found: azimuths.len(), limit: MAX_VIEWS });
     }
     if let Some(pair) = azimuths.windows(2).find(|pair| pair[0] == pair[1]) {
-        return Err(DrawError::DuplicateView {
-            azimuth_deg: pair[0].degrees(),
-        });
+        return Err(DrawError::DuplicateView { azimuth_deg: pair[0].degrees() });
     }
     let view = u64::from(options.width_px) * u64::from(options.height_px);
     let found = view * azimuths.len() as u64;
     if found > MAX_SHEET_PIXELS {
-        return Err(DrawError::TooManySamples {
-            found,
-            limit: MAX_SHEET_PIXELS,
-        });
+        return Err(DrawError::TooManySamples { found, limit: MAX_SHEET_PIXELS });
     }
     Ok(azimuths)
 }
@@ -130,19 +122,11 @@ struct Gate<'a> {
 
 impl<'a> Gate<'a> {
     fn new(progress: &'a (dyn Fn(usize) -> ControlFlow<()> + Sync)) -> Self {
-        Self {
-            progress,
-            done: AtomicUsize::new(0),
-            cancelled: AtomicBool::new(false),
-        }
+        Self { progress, done: AtomicUsize::new(0), cancelled: AtomicBool::new(false) }
     }
 
     fn check(&self) -> Result<(), DrawError> {
-        if self.cancelled.load(Ordering::Relaxed) {
-            Err(DrawError::Cancelled)
-        } else {
-            Ok(())
-        }
+        if self.cancelled.load(Ordering::Relaxed) { Err(DrawError::Cancelled) } else { Ok(()) }
     }
 
     fn done(&self) {

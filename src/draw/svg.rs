@@ -24,18 +24,13 @@ pub fn svg(strokes: &[Stroke], options: &DrawOptions) -> String {
         text.push_str("<rect width=\"100%\" height=\"100%\" fill=\"white\" stroke=\"none\"/>\n");
     }
     for kind in KINDS {
-        let of_kind: Vec<_> = strokes
-            .iter()
-            .filter(|stroke| stroke.kind == kind)
-            .collect();
+        let of_kind: Vec<_> = strokes.iter().filter(|stroke| stroke.kind == kind).collect();
         if of_kind.is_empty() {
             continue;
         }
         // Writing to a string cannot fail.
         let _ = writeln!(text, "<g id=\"{}\">", id(kind));
-        of_kind
-            .into_iter()
-            .for_each(|stroke| push_path(&mut text, stroke));
+        of_kind.into_iter().for_each(|stroke| push_path(&mut text, stroke));
         text.push_str("</g>\n");
     }
     text.push_str("</svg>\n");
@@ -95,20 +90,14 @@ fn simplified(points: &[Point2<f64>]) -> Vec<Point2<f64>> {
         }
     }
     let points = points.iter().zip(kept);
-    points
-        .filter_map(|(&point, kept)| kept.then_some(point))
-        .collect()
+    points.filter_map(|(&point, kept)| kept.then_some(point)).collect()
 }
 
 /// Of a point from the segment a-b.
 fn distance(p: Point2<f64>, a: Point2<f64>, b: Point2<f64>) -> f64 {
     let along = b - a;
     let length_squared = along.norm_squared();
-    let t = if length_squared > 0.0 {
-        (p - a).dot(&along) / length_squared
-    } else {
-        0.0
-    };
+    let t = if length_squared > 0.0 { (p - a).dot(&along) / length_squared } else { 0.0 };
     (p - (a + along * t.clamp(0.0, 1.0))).norm()
 }
 
@@ -126,14 +115,8 @@ mod tests {
 
     #[test]
     fn keeps_corners_and_drops_points_on_straight_lines() {
-        let square = stroke(&[
-            [0.0, 0.0],
-            [4.0, 0.001],
-            [8.0, 0.0],
-            [8.0, 8.0],
-            [0.0, 8.0],
-            [0.0, 0.0],
-        ]);
+        let square =
+            stroke(&[[0.0, 0.0], [4.0, 0.001], [8.0, 0.0], [8.0, 8.0], [0.0, 8.0], [0.0, 0.0]]);
         let text = svg(&[square], &DrawOptions::default());
         assert!(text.contains("<path d=\"M0 0L8 0L8 8L0 8Z\"/>"), "{text}");
         assert!(text.contains("<g id=\"silhouette\">") && !text.contains("contour"));
@@ -141,10 +124,7 @@ mod tests {
 
     #[test]
     fn transparent_drawings_have_no_paper() {
-        let options = DrawOptions {
-            background: Background::Transparent,
-            ..DrawOptions::default()
-        };
+        let options = DrawOptions { background: Background::Transparent, ..DrawOptions::default() };
         assert!(!svg(&[], &options).contains("<rect"));
         assert!(svg(&[], &DrawOptions::default()).contains("<rect"));
     }

@@ -17,10 +17,7 @@ fn azimuth(degrees: f64) -> Azimuth {
 
 fn draw(model: &Model, degrees: f64, options: &DrawOptions) -> DrawnView {
     let prepared = PreparedModel::new(model).unwrap();
-    Drawer::new(&prepared, options)
-        .unwrap()
-        .draw_view(azimuth(degrees))
-        .unwrap()
+    Drawer::new(&prepared, options).unwrap().draw_view(azimuth(degrees)).unwrap()
 }
 
 fn exact(model: &Model, degrees: f64) -> DrawnView {
@@ -29,20 +26,12 @@ fn exact(model: &Model, degrees: f64) -> DrawnView {
 
 /// Smaller pictures for what does not depend on the size.
 fn small() -> DrawOptions {
-    DrawOptions {
-        width_px: 192,
-        height_px: 108,
-        ..DrawOptions::default()
-    }
+    DrawOptions { width_px: 192, height_px: 108, ..DrawOptions::default() }
 }
 
 fn length(view: &DrawnView, kind: Option<LineKind>) -> f64 {
     let wanted = |stroke: &&Stroke| kind.is_none_or(|kind| stroke.kind == kind);
-    view.strokes
-        .iter()
-        .filter(wanted)
-        .map(Stroke::length_px)
-        .sum()
+    view.strokes.iter().filter(wanted).map(Stroke::length_px).sum()
 }
 
 const PIXELS_PER_UNIT: f64 = 960.0 / 7.3;
@@ -69,10 +58,7 @@ fn joined(mut model: Model, other: Model) -> Model {
     let first = model.mesh.positions.len() as u32;
     model.mesh.positions.extend(other.mesh.positions);
     let triangles = other.mesh.triangles.into_iter();
-    model
-        .mesh
-        .triangles
-        .extend(triangles.map(|t| t.map(|v| v + first)));
+    model.mesh.triangles.extend(triangles.map(|t| t.map(|v| v + first)));
     model.materials.extend(other.materials);
     model
 }
@@ -84,11 +70,7 @@ fn a_cube_shows_its_outline_and_one_edge() {
     let (sin, cos) = 30.0_f64.to_radians().sin_cos();
     let outline = 2.0 * side + 2.0 * side * (sin + cos);
     // Rear edges lie exactly behind front ones in a level view and must not be drawn again.
-    assert!(
-        (length(&view, None) - outline - side).abs() < 0.5,
-        "{}",
-        length(&view, None)
-    );
+    assert!((length(&view, None) - outline - side).abs() < 0.5, "{}", length(&view, None));
     assert!((length(&view, Some(LineKind::Crease)) - side).abs() < 0.01);
     assert!((length(&view, Some(LineKind::Silhouette)) - outline).abs() < 0.5);
 }
@@ -96,10 +78,7 @@ fn a_cube_shows_its_outline_and_one_edge() {
 #[test]
 fn a_spheres_outline_is_one_closed_circle() {
     for contours in [ContourStyle::Polygonal, ContourStyle::Smooth] {
-        let options = DrawOptions {
-            contours,
-            ..DrawOptions::default()
-        };
+        let options = DrawOptions { contours, ..DrawOptions::default() };
         let view = draw(&uv_sphere(1.5, 48, 64), 20.0, &options);
         assert_eq!(view.strokes.len(), 1, "{contours:?}");
         let stroke = &view.strokes[0];
@@ -123,27 +102,19 @@ fn what_is_behind_is_not_drawn() {
 
 #[test]
 fn lines_end_where_they_pass_behind_something() {
-    let model = joined(
-        plate(0.0, -1.0, 0.0, 0.5, 1.0),
-        plate(0.0, 0.0, 0.0, 1.5, 0.3),
-    );
+    let model = joined(plate(0.0, -1.0, 0.0, 0.5, 1.0), plate(0.0, 0.0, 0.0, 1.5, 0.3));
     let view = exact(&model, 0.0);
     // Of the rear plate's long sides a unit remains on either side, with the short ends.
     let rear = (2.0 * 2.0 + 2.0 * 0.6) * PIXELS_PER_UNIT;
     let front = 2.0 * (1.0 + 2.0) * PIXELS_PER_UNIT;
     assert!((length(&view, None) - rear - front).abs() < 0.01);
     let edge = 480.0 + 0.5 * PIXELS_PER_UNIT;
-    let emerges = view
-        .strokes
-        .iter()
-        .flat_map(|stroke| [stroke.points[0], *stroke.points.last().unwrap()]);
+    let emerges =
+        view.strokes.iter().flat_map(|stroke| [stroke.points[0], *stroke.points.last().unwrap()]);
     assert!(emerges.into_iter().any(|p| (p.x - edge).abs() < 1e-3));
     // Before the rear plate the front one's sides are no outline.
     let border = length(&view, Some(LineKind::Border));
-    assert!(
-        (border - 2.0 * 0.6 * PIXELS_PER_UNIT).abs() < 1.0 || border == 0.0,
-        "{border}"
-    );
+    assert!((border - 2.0 * 0.6 * PIXELS_PER_UNIT).abs() < 1.0 || border == 0.0, "{border}");
 }
 
 /// Two rectangles that share an edge, at `interior_deg` to each other.
@@ -175,16 +146,10 @@ fn creases_are_edges_sharper_than_the_crease_angle() {
     assert!((crease(134.0) - PIXELS_PER_UNIT).abs() < 0.01);
     assert_eq!(crease(135.0), 0.0);
     let mut reversed = roof(134.0);
-    reversed.mesh.triangles[2..]
-        .iter_mut()
-        .for_each(|t| t.swap(0, 1));
+    reversed.mesh.triangles[2..].iter_mut().for_each(|t| t.swap(0, 1));
     let view = exact(&reversed, 0.0);
     assert!((length(&view, Some(LineKind::Crease)) - PIXELS_PER_UNIT).abs() < 0.01);
-    assert_eq!(
-        length(&view, Some(LineKind::Contour)),
-        0.0,
-        "orientation makes no contour"
-    );
+    assert_eq!(length(&view, Some(LineKind::Contour)), 0.0, "orientation makes no contour");
 }
 
 #[test]
@@ -199,16 +164,10 @@ fn materials_part_at_a_line() {
 #[test]
 fn a_line_is_as_wide_as_asked() {
     for width in [1.0, 1.5, 3.0] {
-        let options = DrawOptions {
-            line_width_px: width,
-            ..DrawOptions::default()
-        };
-        let view = draw(&plate(0.013, 0.0, 0.0, 1.0, 1.0), 0.0, &options)
-            .image
-            .into_luma8();
-        let ink: f64 = (300..400)
-            .map(|x| 1.0 - f64::from(view.get_pixel(x, 270).0[0]) / 255.0)
-            .sum();
+        let options = DrawOptions { line_width_px: width, ..DrawOptions::default() };
+        let view = draw(&plate(0.013, 0.0, 0.0, 1.0, 1.0), 0.0, &options).image.into_luma8();
+        let ink: f64 =
+            (300..400).map(|x| 1.0 - f64::from(view.get_pixel(x, 270).0[0]) / 255.0).sum();
         assert!((ink - width).abs() < 0.05, "{ink} px of ink for {width}");
     }
 }
@@ -216,13 +175,8 @@ fn a_line_is_as_wide_as_asked() {
 #[test]
 fn transparent_drawings_are_black_with_the_ink_as_alpha() {
     let white = draw(&cuboid([1.0; 3]), 10.0, &small()).image.into_luma8();
-    let options = DrawOptions {
-        background: Background::Transparent,
-        ..small()
-    };
-    let transparent = draw(&cuboid([1.0; 3]), 10.0, &options)
-        .image
-        .into_luma_alpha8();
+    let options = DrawOptions { background: Background::Transparent, ..small() };
+    let transparent = draw(&cuboid([1.0; 3]), 10.0, &options).image.into_luma_alpha8();
     for (grey, inked) in white.pixels().zip(transparent.pixels()) {
         assert_eq!(inked.0, [0, 255 - grey.0[0]]);
     }
@@ -245,12 +199,8 @@ fn depth_is_the_distance_from_the_camera_plane() {
 
 #[test]
 fn a_pixel_is_covered_by_half_of_its_samples_and_tells_the_nearest() {
-    let options = DrawOptions {
-        width_px: 16,
-        height_px: 16,
-        scale: 16.0,
-        ..DrawOptions::default()
-    };
+    let options =
+        DrawOptions { width_px: 16, height_px: 16, scale: 16.0, ..DrawOptions::default() };
     // The near plate covers the left half of pixel column 8, the far one everything.
     let near = plate(-3.75, -2.0, 0.0, 4.25, 4.0);
     let alone = draw(&near, 0.0, &options).truth;
@@ -260,10 +210,7 @@ fn a_pixel_is_covered_by_half_of_its_samples_and_tells_the_nearest() {
     assert_eq!(both.depth.get_pixel(8, 8).0[0], 6.0);
     assert_eq!(both.depth.get_pixel(9, 8).0[0], 9.0);
     let corner = draw(&plate(-3.75, -2.0, 3.75, 4.25, 3.5), 0.0, &options).truth;
-    assert!(
-        corner.depth.get_pixel(8, 7).0[0].is_nan(),
-        "one sample of four is not enough"
-    );
+    assert!(corner.depth.get_pixel(8, 7).0[0].is_nan(), "one sample of four is not enough");
 }
 
 #[test]
@@ -274,10 +221,7 @@ fn normals_point_at_the_viewer() {
     assert_eq!(from_behind.normals.get_pixel(480, 270).0, [128, 128, 255]);
     let turned = exact(&plate(0.0, 0.0, 0.0, 1.0, 1.0), 45.0).truth;
     let [x, y, z] = turned.normals.get_pixel(480, 270).0;
-    assert!(
-        x < 40 && y == 128 && z > 215,
-        "towards the viewer's left: {x} {y} {z}"
-    );
+    assert!(x < 40 && y == 128 && z > 215, "towards the viewer's left: {x} {y} {z}");
 }
 
 #[test]
@@ -289,28 +233,19 @@ fn inverse_depth_is_a_ramp_from_near_white() {
 #[test]
 fn disparity_leads_to_the_same_point_in_the_neighbouring_view() {
     for elevation_deg in [0.0, 25.0] {
-        let options = DrawOptions {
-            elevation_deg,
-            ..small()
-        };
+        let options = DrawOptions { elevation_deg, ..small() };
         let model = uv_sphere(1.5, 48, 64);
         let view = draw(&model, 20.0, &options);
         let disparity = disparity_towards(&view.truth.depth, &view.camera, &options, 10.0);
         let next = Camera::new(azimuth(30.0), &options);
         let mut checked = 0;
-        for (column, row, depth) in view
-            .truth
-            .depth
-            .enumerate_pixels()
-            .filter(|p| p.2.0[0].is_finite())
+        for (column, row, depth) in
+            view.truth.depth.enumerate_pixels().filter(|p| p.2.0[0].is_finite())
         {
             let point = model_point(&view.camera, column, row, f64::from(depth.0[0]));
             let expected = f64::from(column) + 0.5 - next.view_from_model(point).x;
             let found = f64::from(disparity.get_pixel(column, row).0[0]);
-            assert!(
-                (found - expected).abs() < 1e-3,
-                "{found} instead of {expected}"
-            );
+            assert!((found - expected).abs() < 1e-3, "{found} instead of {expected}");
             checked += 1;
         }
         assert!(checked > 1000);
@@ -332,59 +267,30 @@ fn model_point(camera: &Camera, column: u32, row: u32, depth: f64) -> Point3<f64
 fn refuses_what_cannot_be_drawn() {
     let model = PreparedModel::new(&cuboid([40.0; 3])).unwrap();
     let error = Drawer::new(&model, &DrawOptions::default()).err().unwrap();
-    assert!(
-        matches!(error, DrawError::CameraInsideModel { .. }),
-        "{error}"
-    );
-    assert_eq!(
-        PreparedModel::new(&Model::default()).unwrap_err(),
-        DrawError::NoTriangles
-    );
+    assert!(matches!(error, DrawError::CameraInsideModel { .. }), "{error}");
+    assert_eq!(PreparedModel::new(&Model::default()).unwrap_err(), DrawError::NoTriangles);
     let mut broken = cuboid([1.0; 3]);
     broken.mesh.positions[3].y = f64::NAN;
     let error = PreparedModel::new(&broken).unwrap_err();
     assert!(matches!(error, DrawError::InvalidModel { .. }), "{error}");
-    let options = DrawOptions {
-        scale: f64::NAN,
-        ..DrawOptions::default()
-    };
+    let options = DrawOptions { scale: f64::NAN, ..DrawOptions::default() };
     let cube = PreparedModel::new(&cuboid([1.0; 3])).unwrap();
     let error = Drawer::new(&cube, &options).err().unwrap();
-    assert!(
-        matches!(
-            error,
-            DrawError::OptionOutOfRange {
-                option: "scale",
-                ..
-            }
-        ),
-        "{error}"
-    );
+    assert!(matches!(error, DrawError::OptionOutOfRange { option: "scale", .. }), "{error}");
 }
 
 #[test]
 fn a_fitted_model_fills_the_frame_without_leaving_it() {
     let model = PreparedModel::new(&cuboid([400.0, 100.0, 900.0])).unwrap();
     for elevation_deg in [0.0, 40.0] {
-        let options = DrawOptions {
-            fit: true,
-            elevation_deg,
-            ..small()
-        };
+        let options = DrawOptions { fit: true, elevation_deg, ..small() };
         let azimuths = [0.0, 37.0, 90.0].map(azimuth);
         let files =
             draw_sheet(&model, &azimuths, &options, &|_| ControlFlow::Continue(())).unwrap();
-        let mask = files
-            .iter()
-            .find(|file| file.name == "mask_000.png")
-            .unwrap();
+        let mask = files.iter().find(|file| file.name == "mask_000.png").unwrap();
         let mask = image::load_from_memory(&mask.bytes).unwrap().into_luma8();
         let covered: Vec<_> = mask.enumerate_pixels().filter(|p| p.2.0[0] > 0).collect();
-        assert!(
-            covered
-                .iter()
-                .all(|(x, y, _)| (1..191).contains(x) && (1..107).contains(y))
-        );
+        assert!(covered.iter().all(|(x, y, _)| (1..191).contains(x) && (1..107).contains(y)));
         let rows = covered.iter().map(|p| p.1).max().unwrap() - covered[0].1;
         assert!(rows > 60, "{rows} rows");
     }
@@ -401,25 +307,13 @@ fn a_sheet_has_every_file_and_a_document_that_names_them() {
     let files = draw_sheet(&model, &azimuths, &small(), &progress_through).unwrap();
     let names: Vec<_> = files.iter().map(|file| file.name.as_str()).collect();
     for stem in ["000", "022.5", "090"] {
-        for kind in [
-            "view_S.png",
-            "view_S.svg",
-            "depth_S.png",
-            "depth_S.pfm",
-            "mask_S.png",
-        ] {
-            assert!(
-                names.contains(&kind.replace('S', stem).as_str()),
-                "{kind} {stem}"
-            );
+        for kind in ["view_S.png", "view_S.svg", "depth_S.png", "depth_S.pfm", "mask_S.png"] {
+            assert!(names.contains(&kind.replace('S', stem).as_str()), "{kind} {stem}");
         }
     }
     assert!(names.contains(&"disparity_000_022.5.pfm"));
     assert!(names.contains(&"disparity_022.5_000.pfm"));
-    assert!(
-        !names.iter().any(|name| name.starts_with("disparity_090")),
-        "too far apart"
-    );
+    assert!(!names.iter().any(|name| name.starts_with("disparity_090")), "too far apart");
     assert!(!names.contains(&"degradation.json"));
     let sheet = &files.last().unwrap();
     assert_eq!(sheet.name, "sheet.json");
@@ -437,16 +331,11 @@ fn a_sheet_has_every_file_and_a_document_that_names_them() {
 #[test]
 fn the_same_bytes_whatever_the_number_of_threads() {
     let model = PreparedModel::new(&torus(1.2, 0.5, 24, 12)).unwrap();
-    let options = DrawOptions {
-        degrade: DegradeOptions::preset(DegradePreset::Middle, 7),
-        ..small()
-    };
+    let options =
+        DrawOptions { degrade: DegradeOptions::preset(DegradePreset::Middle, 7), ..small() };
     let azimuths = [0.0, 15.0, 30.0, 45.0].map(azimuth);
     let with_threads = |count: usize| {
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(count)
-            .build()
-            .unwrap();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(count).build().unwrap();
         pool.install(|| draw_sheet(&model, &azimuths, &options, &progress_through).unwrap())
     };
     assert_eq!(with_threads(1), with_threads(3));
@@ -476,15 +365,10 @@ fn the_page_holds_all_views_with_labels() {
     let cell = page.width() / 8;
     let ink_in = |left: u32, top: u32| {
         let inside = |x: u32, y: u32| x / cell == left && y / (page.height() / 2) == top;
-        page.enumerate_pixels()
-            .filter(|(x, y, p)| inside(*x, *y) && p.0[0] < 128)
-            .count()
+        page.enumerate_pixels().filter(|(x, y, p)| inside(*x, *y) && p.0[0] < 128).count()
     };
     assert!((0..8).all(|column| ink_in(column, 0) > 50));
-    assert!(
-        ink_in(0, 1) > 50 && ink_in(1, 1) == 0,
-        "the ninth view begins a row"
-    );
+    assert!(ink_in(0, 1) > 50 && ink_in(1, 1) == 0, "the ninth view begins a row");
 }
 
 #[test]
@@ -571,8 +455,5 @@ fn index_of_own_face(model: &PreparedModel, segment: &features::Segment) -> Opti
     let features::Host::Edge(edge) = segment.host else {
         return None;
     };
-    model
-        .faces_of(&model.edges[edge as usize])
-        .first()
-        .map(|side| side.face as usize)
+    model.faces_of(&model.edges[edge as usize]).first().map(|side| side.face as usize)
 }

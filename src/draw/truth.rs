@@ -71,15 +71,11 @@ fn gather(
             continue;
         }
         hits.sort_unstable_by(|&a, &b| samples.samples[a].z.total_cmp(&samples.samples[b].z));
-        let nearest = hits[..needed]
-            .iter()
-            .map(|&hit| f64::from(samples.samples[hit].z));
+        let nearest = hits[..needed].iter().map(|&hit| f64::from(samples.samples[hit].z));
         let z = nearest.sum::<f64>() / needed as f64;
         depth.0[0] = camera.depth_from_view(z) as f32;
         truth.mask.put_pixel(x, y, Luma([255]));
-        let normals = hits[..needed]
-            .iter()
-            .map(|&hit| normal_at(samples, viewed, camera, hit));
+        let normals = hits[..needed].iter().map(|&hit| normal_at(samples, viewed, camera, hit));
         truth.normals.put_pixel(x, y, encoded(normals.sum()));
     }
     truth
@@ -127,11 +123,7 @@ pub fn normalised_inverse_depth(depth: &FloatMap) -> GrayImage {
     GrayImage::from_fn(depth.width(), depth.height(), |x, y| {
         let d = depth.get_pixel(x, y).0[0];
         let nearness = (farthest - d) / range;
-        Luma([if d.is_finite() {
-            (1.0 + 254.0 * nearness).round() as u8
-        } else {
-            0
-        }])
+        Luma([if d.is_finite() { (1.0 + 254.0 * nearness).round() as u8 } else { 0 }])
     })
 }
 

@@ -45,10 +45,7 @@ impl<'a> Drawer<'a> {
         options.check()?;
         let distance = options.distance / options.elevation_deg.to_radians().cos();
         if model.radius >= distance {
-            return Err(DrawError::CameraInsideModel {
-                radius: model.radius,
-                distance,
-            });
+            return Err(DrawError::CameraInsideModel { radius: model.radius, distance });
         }
         Ok(Self {
             model,
@@ -90,14 +87,7 @@ impl<'a> Drawer<'a> {
                 compressed(grey, degradation.jpeg_quality)?
             }
         };
-        Ok(DrawnView {
-            azimuth,
-            camera,
-            image,
-            strokes,
-            truth,
-            error,
-        })
+        Ok(DrawnView { azimuth, camera, image, strokes, truth, error })
     }
 
     fn misplaced(&self, azimuth: Azimuth, error: &ViewError) -> Camera {
@@ -164,11 +154,7 @@ fn compressed(grey: GrayImage, quality: u8) -> Result<DynamicImage, DrawError> {
         reason: error.to_string(),
     };
     let mut bytes = Cursor::new(Vec::new());
-    JpegEncoder::new_with_quality(&mut bytes, quality)
-        .encode_image(&grey)
-        .map_err(failed)?;
+    JpegEncoder::new_with_quality(&mut bytes, quality).encode_image(&grey).map_err(failed)?;
     let decoded = image::load_from_memory_with_format(bytes.get_ref(), image::ImageFormat::Jpeg);
-    Ok(DynamicImage::ImageLuma8(
-        decoded.map_err(failed)?.into_luma8(),
-    ))
+    Ok(DynamicImage::ImageLuma8(decoded.map_err(failed)?.into_luma8()))
 }

@@ -16,10 +16,7 @@ impl Noise {
     pub fn new(wavelength_px: f64, random: &mut ChaCha8Rng) -> Self {
         let waves = std::array::from_fn(|_| {
             let stretch = 1.4_f64.powf(random.random_range(-1.0..=1.0));
-            (
-                TAU / (wavelength_px * stretch),
-                random.random_range(0.0..TAU),
-            )
+            (TAU / (wavelength_px * stretch), random.random_range(0.0..TAU))
         });
         Self { waves }
     }

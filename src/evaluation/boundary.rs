@@ -75,12 +75,7 @@ impl<'a> MeshSampler<'a> {
             })
             .collect();
         let longest = mesh.bounds().map_or(0.0, |(low, high)| (high - low).max());
-        Self {
-            mesh,
-            field,
-            areas,
-            step: SIDE_STEP * longest,
-        }
+        Self { mesh, field, areas, step: SIDE_STEP * longest }
     }
 
     fn total_area(&self) -> f64 {
@@ -108,22 +103,15 @@ impl<'a> MeshSampler<'a> {
     }
 
     fn batch(&self, count: usize, random: &mut ChaCha8Rng) -> Vec<SurfacePoint> {
-        let candidates: Vec<[f64; 3]> = (0..count)
-            .map(|_| [random.random(), random.random(), random.random()])
-            .collect();
-        candidates
-            .into_par_iter()
-            .filter_map(|numbers| self.boundary_point(numbers))
-            .collect()
+        let candidates: Vec<[f64; 3]> =
+            (0..count).map(|_| [random.random(), random.random(), random.random()]).collect();
+        candidates.into_par_iter().filter_map(|numbers| self.boundary_point(numbers)).collect()
     }
 
     /// The point that three numbers in [0, 1) choose, if it is on the boundary.
     fn boundary_point(&self, [triangle, one, other]: [f64; 3]) -> Option<SurfacePoint> {
         let area = triangle * self.total_area();
-        let index = self
-            .areas
-            .partition_point(|&sum| sum <= area)
-            .min(self.areas.len() - 1);
+        let index = self.areas.partition_point(|&sum| sum <= area).min(self.areas.len() - 1);
         let [a, b, c] = self.mesh.corners(index);
         let normal = (b - a).cross(&(c - a)).try_normalize(0.0)?;
         // Uniform on the triangle (Osada et al. 2002).
@@ -131,10 +119,8 @@ impl<'a> MeshSampler<'a> {
         let position = a + (b - a) * (root * (1.0 - other)) + (c - a) * (root * other);
         let ahead = self.field.is_inside(&(position + normal * self.step));
         let behind = self.field.is_inside(&(position - normal * self.step));
-        (ahead != behind).then(|| SurfacePoint {
-            position,
-            normal: if ahead { -normal } else { normal },
-        })
+        (ahead != behind)
+            .then(|| SurfacePoint { position, normal: if ahead { -normal } else { normal } })
     }
 }
 
@@ -183,11 +169,7 @@ fn level_point(windings: &[f32], grid: &Grid, cell: [usize; 3], axis: usize) -> 
     position[axis] += along * grid.cell;
     let normal = outward(windings, grid, if along < 0.5 { cell } else { next })?;
     let area = grid.cell * grid.cell * normal[axis].abs();
-    Some(LevelPoint {
-        point: SurfacePoint { position, normal },
-        area,
-        cell: grid.cell,
-    })
+    Some(LevelPoint { point: SurfacePoint { position, normal }, area, cell: grid.cell })
 }
 
 /// Down the gradient of `|w|` at a cell; jumps by whole numbers, where the
@@ -226,17 +208,12 @@ fn sample_level_set(
     (0..count)
         .map(|_| {
             let area = random.random::<f64>() * sum;
-            let index = areas
-                .partition_point(|&sum| sum <= area)
-                .min(areas.len() - 1);
+            let index = areas.partition_point(|&sum| sum <= area).min(areas.len() - 1);
             let LevelPoint { point, cell, .. } = level_set[index];
             let mut shift = || (random.random::<f64>() - 0.5) * cell;
             let shift = Vector3::new(shift(), shift(), shift());
             let in_plane = shift - point.normal * shift.dot(&point.normal);
-            SurfacePoint {
-                position: point.position + in_plane,
-                normal: point.normal,
-            }
+            SurfacePoint { position: point.position + in_plane, normal: point.normal }
         })
         .collect()
 }
@@ -272,10 +249,7 @@ mod tests {
             assert!((normal[axis] * position[axis].signum() - 1.0).abs() < 1e-9);
             on_face[2 * axis + usize::from(position[axis] > 0.0)] += 1;
         }
-        assert!(
-            on_face.iter().all(|&count| (850..1150).contains(&count)),
-            "{on_face:?}"
-        );
+        assert!(on_face.iter().all(|&count| (850..1150).contains(&count)), "{on_face:?}");
     }
 
     #[test]
@@ -283,9 +257,7 @@ mod tests {
         let parts = [cuboid([-1.0; 3], [0.5; 3]), cuboid([-0.5; 3], [1.0; 3])];
         for SurfacePoint { position, .. } in boundary_of(&merged(&parts), 3000) {
             let within = |low: f64, high: f64| {
-                position
-                    .iter()
-                    .all(|&value| value > low + 1e-6 && value < high - 1e-6)
+                position.iter().all(|&value| value > low + 1e-6 && value < high - 1e-6)
             };
             assert!(!within(-1.0, 0.5) && !within(-0.5, 1.0), "{position}");
         }
@@ -294,9 +266,7 @@ mod tests {
     #[test]
     fn an_inverted_mesh_has_the_same_outside() {
         let mut mesh = cuboid([-1.0; 3], [1.0; 3]);
-        mesh.triangles
-            .iter_mut()
-            .for_each(|triangle| triangle.swap(1, 2));
+        mesh.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
         for SurfacePoint { position, normal } in boundary_of(&mesh, 500) {
             assert!(normal.dot(&position.coords) > 0.0);
         }
@@ -307,25 +277,16 @@ mod tests {
     fn an_open_mesh_is_closed_by_the_level_set() {
         let mut bowl = sphere(1.0, 32);
         bowl.triangles.retain(|triangle| {
-            triangle
-                .iter()
-                .all(|&vertex| bowl.positions[vertex as usize].z < 0.25)
+            triangle.iter().all(|&vertex| bowl.positions[vertex as usize].z < 0.25)
         });
         let points = boundary_of(&bowl, 20_000);
         assert_eq!(points.len(), 20_000);
         let field = WindingField::new(&bowl).unwrap();
-        let lid: Vec<_> = points
-            .iter()
-            .filter(|p| p.position.coords.norm() < 0.9)
-            .collect();
+        let lid: Vec<_> = points.iter().filter(|p| p.position.coords.norm() < 0.9).collect();
         assert!(lid.len() > 1500, "{}", lid.len());
         for point in lid {
             let winding = field.at(&point.position).abs();
-            assert!(
-                (winding - 0.5).abs() < 0.05,
-                "{winding} at {}",
-                point.position
-            );
+            assert!((winding - 0.5).abs() < 0.05, "{winding} at {}", point.position);
             assert!(!field.is_inside(&(point.position + point.normal * 0.1)));
             assert!(field.is_inside(&(point.position - point.normal * 0.1)));
         }
@@ -345,10 +306,7 @@ mod tests {
                 }
             }
         }
-        let area: f64 = level_set(&values, &grid)
-            .iter()
-            .map(|point| point.area)
-            .sum();
+        let area: f64 = level_set(&values, &grid).iter().map(|point| point.area).sum();
         let expected = 4.0 * std::f64::consts::PI;
         assert!((area / expected - 1.0).abs() < 0.01, "{area} of {expected}");
     }

@@ -44,11 +44,7 @@ pub(super) fn grey_bad2(samples: &[(Option<f64>, f64)]) -> GreyBad2 {
 
 /// A flat map has no ramp: it is black.
 fn stretch((low, high): (f64, f64), value: f64) -> u8 {
-    if high > low {
-        (255.0 * (value - low) / (high - low)).round() as u8
-    } else {
-        0
-    }
+    if high > low { (255.0 * (value - low) / (high - low)).round() as u8 } else { 0 }
 }
 
 #[cfg(test)]
@@ -56,10 +52,7 @@ mod tests {
     use super::*;
 
     fn samples(ours: &[f64], truth: &[f64]) -> Vec<(Option<f64>, f64)> {
-        ours.iter()
-            .zip(truth)
-            .map(|(o, t)| (o.is_finite().then_some(*o), *t))
-            .collect()
+        ours.iter().zip(truth).map(|(o, t)| (o.is_finite().then_some(*o), *t)).collect()
     }
 
     /// Both ramps span 0..255 already, so levels are the values.

@@ -15,11 +15,7 @@ pub(super) struct Grid {
 impl Grid {
     pub(super) fn around(middle: Point3<f64>, side: f64, cells: usize) -> Self {
         let half = nalgebra::Vector3::repeat(side / 2.0);
-        Self {
-            low: middle - half,
-            cell: side / cells as f64,
-            cells,
-        }
+        Self { low: middle - half, cell: side / cells as f64, cells }
     }
 
     /// The centre of cell `index` along `axis`.
@@ -58,15 +54,7 @@ pub(super) fn is_inside(winding: f32) -> bool {
 
 /// Intersection over union of two solids on one grid; 0 if both are empty.
 pub(super) fn intersection_over_union(one: &[bool], other: &[bool]) -> f64 {
-    let both = one
-        .iter()
-        .zip(other)
-        .filter(|&(one, other)| *one && *other)
-        .count();
-    let any = one
-        .iter()
-        .zip(other)
-        .filter(|&(one, other)| *one || *other)
-        .count();
+    let both = one.iter().zip(other).filter(|&(one, other)| *one && *other).count();
+    let any = one.iter().zip(other).filter(|&(one, other)| *one || *other).count();
     super::statistics::share(both, any)
 }

@@ -11,12 +11,7 @@ pub enum PfmError {
     #[error("has three channels (PF), not one (Pf)")]
     Colour,
     #[error("is {width}x{height}, over the limit of {max_pixels} pixels and {max_side_px} a side")]
-    TooManyPixels {
-        width: u64,
-        height: u64,
-        max_pixels: u64,
-        max_side_px: u32,
-    },
+    TooManyPixels { width: u64, height: u64, max_pixels: u64, max_side_px: u32 },
     #[error("holds {found} bytes of pixels, its size needs {required}")]
     Truncated { found: usize, required: u64 },
 }
@@ -46,12 +41,7 @@ pub(super) fn decode_pfm(
     }
     let longest = width.max(height);
     if longest > u64::from(max_side_px) || width.saturating_mul(height) > max_pixels {
-        return Err(PfmError::TooManyPixels {
-            width,
-            height,
-            max_pixels,
-            max_side_px,
-        });
+        return Err(PfmError::TooManyPixels { width, height, max_pixels, max_side_px });
     }
     let required = width.saturating_mul(height).saturating_mul(4);
     let found = bytes.len() - start;
@@ -59,12 +49,7 @@ pub(super) fn decode_pfm(
         .ok()
         .and_then(|required| bytes[start..].get(..required))
         .ok_or(PfmError::Truncated { found, required })?;
-    Ok(pixels_from(
-        pixels,
-        width as usize,
-        height as u32,
-        scale < 0.0,
-    ))
+    Ok(pixels_from(pixels, width as usize, height as u32, scale < 0.0))
 }
 
 /// Four words, each followed by one white space byte, and where pixels begin.
@@ -77,10 +62,7 @@ fn header(bytes: &[u8]) -> Result<([&str; 4], usize), PfmError> {
             at += 1;
         }
         let word = &head[at..];
-        let end = word
-            .iter()
-            .position(u8::is_ascii_whitespace)
-            .ok_or(PfmError::Header)?;
+        let end = word.iter().position(u8::is_ascii_whitespace).ok_or(PfmError::Header)?;
         *field = std::str::from_utf8(&word[..end]).map_err(|_| PfmError::Header)?;
         at += end;
     }
@@ -95,12 +77,7 @@ fn pixels_from(bytes: &[u8], width: usize, height: u32, little_endian: bool) -> 
     FloatImage::from_fn(width as u32, height, |x, y| {
         let row = (height - 1 - y) as usize;
         let at = 4 * (row * width + x as usize);
-        image::Luma([value([
-            bytes[at],
-            bytes[at + 1],
-            bytes[at + 2],
-            bytes[at + 3],
-        ])])
+        image::Luma([value([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]])])
     })
 }
 
@@ -139,21 +116,9 @@ mod tests {
         assert_eq!(refuse(&[b' '; 4096]), PfmError::Header);
         assert_eq!(refuse(b"PF\n3 2\n-1\n"), PfmError::Colour);
         let huge = "Pf\n18446744073709551615 18446744073709551615\n-1\n";
-        assert!(matches!(
-            refuse(huge.as_bytes()),
-            PfmError::TooManyPixels { .. }
-        ));
-        assert!(matches!(
-            refuse(b"Pf\n51 1\n-1\n"),
-            PfmError::TooManyPixels { .. }
-        ));
+        assert!(matches!(refuse(huge.as_bytes()), PfmError::TooManyPixels { .. }));
+        assert!(matches!(refuse(b"Pf\n51 1\n-1\n"), PfmError::TooManyPixels { .. }));
         let cut = file("Pf\n3 2\n-1\n", &[0.0; 5], false);
-        assert_eq!(
-            refuse(&cut),
-            PfmError::Truncated {
-                found: 20,
-                required: 24
-            }
-        );
+        assert_eq!(refuse(&cut), PfmError::Truncated { found: 20, required: 24 });
     }
 }

@@ -31,12 +31,7 @@ pub struct HoleReport {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SilhouetteError {
     #[error("the true silhouette is {truth_width}x{truth_height}, ours {width}x{height}")]
-    SizeMismatch {
-        width: u32,
-        height: u32,
-        truth_width: u32,
-        truth_height: u32,
-    },
+    SizeMismatch { width: u32, height: u32, truth_width: u32, truth_height: u32 },
 }
 
 /// Compares silhouettes, inside above 127.
@@ -53,12 +48,7 @@ pub fn compare_silhouettes(
 ) -> Result<SilhouetteReport, SilhouetteError> {
     let ((width, height), (truth_width, truth_height)) = (ours.dimensions(), truth.dimensions());
     if (width, height) != (truth_width, truth_height) {
-        return Err(SilhouetteError::SizeMismatch {
-            width,
-            height,
-            truth_width,
-            truth_height,
-        });
+        return Err(SilhouetteError::SizeMismatch { width, height, truth_width, truth_height });
     }
     let (ours, truth) = (Silhouette::new(ours), Silhouette::new(truth));
     let holes = overlap(&ours.holes, &truth.holes);
@@ -101,16 +91,8 @@ impl Silhouette {
         let inside: Vec<bool> = mask.as_raw().iter().map(|&value| value > 127).collect();
         let outside = reachable_background(&inside, width, height);
         let filled = outside.iter().map(|outside| !outside).collect();
-        let holes = outside
-            .iter()
-            .zip(&inside)
-            .map(|(outside, inside)| !outside && !inside);
-        Self {
-            width,
-            height,
-            holes: holes.collect(),
-            filled,
-        }
+        let holes = outside.iter().zip(&inside).map(|(outside, inside)| !outside && !inside);
+        Self { width, height, holes: holes.collect(), filled }
     }
 
     fn boundary(&self) -> Vec<(usize, usize)> {
@@ -138,11 +120,8 @@ fn reachable_background(inside: &[bool], width: usize, height: usize) -> Vec<boo
     let border = (0..width)
         .flat_map(|x| [(x, 0), (x, height - 1)])
         .chain((0..height).flat_map(|y| [(0, y), (width - 1, y)]));
-    let mut open: Vec<(usize, usize)> = if inside.is_empty() {
-        Vec::new()
-    } else {
-        border.collect()
-    };
+    let mut open: Vec<(usize, usize)> =
+        if inside.is_empty() { Vec::new() } else { border.collect() };
     while let Some((x, y)) = open.pop() {
         let index = y * width + x;
         if inside[index] || std::mem::replace(&mut reached[index], true) {
@@ -171,11 +150,7 @@ fn mean_distance_px(from: &[(usize, usize)], to: &[(usize, usize)]) -> Option<f6
         seeds.put_pixel(x, y, image::Luma([255]));
     }
     let squares = euclidean_squared_distance_transform(&seeds);
-    let sum: f64 = from
-        .iter()
-        .map(local)
-        .map(|(x, y)| squares.get_pixel(x, y).0[0].sqrt())
-        .sum();
+    let sum: f64 = from.iter().map(local).map(|(x, y)| squares.get_pixel(x, y).0[0].sqrt()).sum();
     Some(sum / from.len() as f64)
 }
 
@@ -193,29 +168,15 @@ mod tests {
     fn square(left: u32, top: u32, side: u32) -> GrayImage {
         GrayImage::from_fn(40, 40, |x, y| {
             let within = |v: u32, low: u32| v >= low && v < low + side;
-            image::Luma([if within(x, left) && within(y, top) {
-                255
-            } else {
-                0
-            }])
+            image::Luma([if within(x, left) && within(y, top) { 255 } else { 0 }])
         })
     }
 
     #[test]
     fn equal_silhouettes_agree() {
         let found = compare_silhouettes(&square(5, 5, 20), &square(5, 5, 20)).unwrap();
-        assert_eq!(
-            (found.iou, found.mean_boundary_distance_px),
-            (1.0, Some(0.0))
-        );
-        assert_eq!(
-            found.holes,
-            HoleReport {
-                iou: None,
-                found_px: 0,
-                true_px: 0
-            }
-        );
+        assert_eq!((found.iou, found.mean_boundary_distance_px), (1.0, Some(0.0)));
+        assert_eq!(found.holes, HoleReport { iou: None, found_px: 0, true_px: 0 });
     }
 
     /// Squares of 3 and 5 about one middle: each pixel of the inner rim (8) is
@@ -235,18 +196,8 @@ mod tests {
         let disc = mask(&[".......", ".#####.", ".#####.", ".#####.", "......."]);
         let other = mask(&[".......", ".#####.", ".##..#.", ".#####.", "......."]);
         let found = compare_silhouettes(&ring, &disc).unwrap();
-        assert_eq!(
-            (found.iou, found.mean_boundary_distance_px),
-            (1.0, Some(0.0))
-        );
-        assert_eq!(
-            found.holes,
-            HoleReport {
-                iou: Some(0.0),
-                found_px: 2,
-                true_px: 0
-            }
-        );
+        assert_eq!((found.iou, found.mean_boundary_distance_px), (1.0, Some(0.0)));
+        assert_eq!(found.holes, HoleReport { iou: Some(0.0), found_px: 2, true_px: 0 });
         let found = compare_silhouettes(&ring, &other).unwrap();
         assert!((found.holes.iou.unwrap() - 1.0 / 3.0).abs() < 1e-12);
     }
@@ -266,9 +217,6 @@ mod tests {
         let found = compare_silhouettes(&GrayImage::new(0, 0), &GrayImage::new(0, 0)).unwrap();
         assert_eq!(found.mean_boundary_distance_px, None);
         let error = compare_silhouettes(&GrayImage::new(3, 4), &square(1, 1, 2)).unwrap_err();
-        assert!(matches!(
-            error,
-            SilhouetteError::SizeMismatch { width: 3, .. }
-        ));
+        assert!(matches!(error, SilhouetteError::SizeMismatch { width: 3, .. }));
     }
 }

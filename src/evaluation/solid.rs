@@ -80,19 +80,9 @@ impl SolidTruth {
         let (low, high) = mesh.bounds().ok_or_else(|| unusable(mesh))?;
         let longest_side = (high - low).max();
         let middle = nalgebra::center(&low, &high);
-        let grid = Grid::around(
-            middle,
-            longest_side * options.grid_extent,
-            options.grid_cells,
-        );
+        let grid = Grid::around(middle, longest_side * options.grid_extent, options.grid_cells);
         let (inside, surface) = sampled(mesh, &grid, &options, 0)?;
-        Ok(Self {
-            options,
-            grid,
-            longest_side,
-            inside,
-            surface,
-        })
+        Ok(Self { options, grid, longest_side, inside, surface })
     }
 
     /// The longest side of the truth's box, the unit of reports.
@@ -122,16 +112,12 @@ impl SolidTruth {
         let (low, high) = (self.grid.low, self.grid.high());
         let beyond =
             |p: &Point3<f64>| (0..3).any(|axis| p[axis] < low[axis] || p[axis] > high[axis]);
-        mesh.bounds()
-            .is_some_and(|(lowest, highest)| beyond(&lowest) || beyond(&highest))
+        mesh.bounds().is_some_and(|(lowest, highest)| beyond(&lowest) || beyond(&highest))
     }
 }
 
 fn unusable(mesh: &Mesh) -> SolidError {
-    SolidError::UnusableMesh {
-        vertices: mesh.positions.len(),
-        triangles: mesh.triangles.len(),
-    }
+    SolidError::UnusableMesh { vertices: mesh.positions.len(), triangles: mesh.triangles.len() }
 }
 
 /// The inside on `grid`, and points on the boundary.
@@ -143,11 +129,8 @@ fn sampled(
 ) -> Result<(Vec<bool>, Vec<SurfacePoint>), SolidError> {
     let field = WindingField::new(mesh).ok_or_else(|| unusable(mesh))?;
     let windings = sample_winding(&field, grid);
-    let level: Vec<LevelPoint> = if field.is_closed() {
-        Vec::new()
-    } else {
-        level_set(&windings, grid)
-    };
+    let level: Vec<LevelPoint> =
+        if field.is_closed() { Vec::new() } else { level_set(&windings, grid) };
     let inside: Vec<bool> = windings.into_iter().map(is_inside).collect();
     let mut random = generator(options.seed, stream);
     let surface = sample_boundary(mesh, &field, &level, options.samples, &mut random);
@@ -166,20 +149,11 @@ pub(super) mod shapes {
     pub(in super::super) fn cuboid(low: [f64; 3], high: [f64; 3]) -> Mesh {
         let corner =
             |bits: usize| Point3::from([0, 1, 2].map(|axis| [low, high][(bits >> axis) & 1][axis]));
-        let quads = [
-            [0, 2, 3, 1],
-            [4, 5, 7, 6],
-            [0, 1, 5, 4],
-            [2, 6, 7, 3],
-            [0, 4, 6, 2],
-            [1, 3, 7, 5],
-        ];
+        let quads =
+            [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
         Mesh {
             positions: (0..8).map(corner).collect(),
-            triangles: quads
-                .iter()
-                .flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]])
-                .collect(),
+            triangles: quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect(),
         }
     }
 
@@ -192,11 +166,7 @@ pub(super) mod shapes {
                 let polar = std::f64::consts::PI * f64::from(ring) / f64::from(rings);
                 let around = std::f64::consts::PI * f64::from(segment) / f64::from(rings);
                 // Exact poles, so that the rings there are one point.
-                let width = if ring % rings == 0 {
-                    0.0
-                } else {
-                    radius * polar.sin()
-                };
+                let width = if ring % rings == 0 { 0.0 } else { radius * polar.sin() };
                 mesh.positions.push(Point3::new(
                     width * around.cos(),
                     width * around.sin(),
@@ -220,8 +190,7 @@ pub(super) mod shapes {
         for mesh in meshes {
             let offset = all.positions.len() as u32;
             all.positions.extend(&mesh.positions);
-            all.triangles
-                .extend(mesh.triangles.iter().map(|t| t.map(|v| v + offset)));
+            all.triangles.extend(mesh.triangles.iter().map(|t| t.map(|v| v + offset)));
         }
         all
     }
@@ -233,28 +202,18 @@ mod tests {
     use super::*;
 
     fn coarse() -> SolidOptions {
-        SolidOptions {
-            grid_cells: 88,
-            samples: 20_000,
-            ..SolidOptions::default()
-        }
+        SolidOptions { grid_cells: 88, samples: 20_000, ..SolidOptions::default() }
     }
 
     fn compare(ours: &Mesh, truth: &Mesh) -> SolidReport {
-        SolidTruth::new(truth, coarse())
-            .unwrap()
-            .evaluate(ours)
-            .unwrap()
+        SolidTruth::new(truth, coarse()).unwrap().evaluate(ours).unwrap()
     }
 
     #[test]
     fn the_truth_itself_is_perfect_but_for_the_spacing_of_points() {
         let cube = cuboid([0.0; 3], [2.0; 3]);
         let found = compare(&cube, &cube);
-        assert_eq!(
-            (found.iou, found.volume_ratio, found.exceeds_grid),
-            (1.0, 1.0, false)
-        );
+        assert_eq!((found.iou, found.volume_ratio, found.exceeds_grid), (1.0, 1.0, false));
         // Points 1/√density apart: half of √(6/20000) of the side on average.
         assert!((found.surface.chamfer_l1 - 0.5 * (6.0_f64 / 20_000.0).sqrt()).abs() < 3e-4);
         assert!(found.surface.hausdorff < 0.05);
@@ -277,30 +236,19 @@ mod tests {
     /// A cube shifted by 5 % of its side, the F-score's tolerance being 2 %.
     #[test]
     fn shifted_cubes() {
-        let options = SolidOptions {
-            samples: 40_000,
-            f_score_tolerance: 0.02,
-            ..coarse()
-        };
+        let options = SolidOptions { samples: 40_000, f_score_tolerance: 0.02, ..coarse() };
         let truth = SolidTruth::new(&cuboid([0.0; 3], [10.0; 3]), options).unwrap();
         let shifted = cuboid([0.5, 0.0, 0.0], [10.5, 10.0, 10.0]);
         let found = truth.evaluate(&shifted).unwrap().surface;
         assert!((found.hausdorff - 0.05).abs() < 0.01, "{}", found.hausdorff);
         // Points apart add up to half of 1/√density to every distance.
         let excess = found.chamfer_l1 - shifted_cube_chamfer(0.05);
-        assert!(
-            (0.0..0.5 * (6.0_f64 / 40_000.0).sqrt()).contains(&excess),
-            "{excess}"
-        );
+        assert!((0.0..0.5 * (6.0_f64 / 40_000.0).sqrt()).contains(&excess), "{excess}");
         // Good: four side faces but for 3 of the 5 % that stick out, and the
         // rim of the end face that lies inside the other cube.
         let rim = 1.0 - 0.96_f64.powi(2);
         let good = (4.0 * 0.97 + rim) / 6.0;
-        assert!(
-            (found.f_score - good).abs() < 0.01,
-            "{} for {good}",
-            found.f_score
-        );
+        assert!((found.f_score - good).abs() < 0.01, "{} for {good}", found.f_score);
     }
 
     /// By integration: the face that sticks out is `shift` from the other's
@@ -345,10 +293,7 @@ mod tests {
     fn same_input_same_figures_whatever_the_threads() {
         let (ours, truth) = (sphere(1.0, 16), cuboid([-0.8; 3], [0.8; 3]));
         let on = |threads| {
-            let pool = rayon::ThreadPoolBuilder::new()
-                .num_threads(threads)
-                .build()
-                .unwrap();
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| compare(&ours, &truth))
         };
         assert_eq!(on(1), on(3));
@@ -356,28 +301,13 @@ mod tests {
 
     #[test]
     fn what_is_no_solid_is_refused() {
-        let flat = Mesh {
-            positions: cuboid([0.0; 3], [1.0; 3]).positions,
-            triangles: vec![],
-        };
+        let flat = Mesh { positions: cuboid([0.0; 3], [1.0; 3]).positions, triangles: vec![] };
         let error = SolidTruth::new(&flat, coarse()).unwrap_err();
         assert_eq!(error, SolidError::EnclosesNothing);
         let error = SolidTruth::new(&Mesh::default(), coarse()).unwrap_err();
-        assert_eq!(
-            error,
-            SolidError::UnusableMesh {
-                vertices: 0,
-                triangles: 0
-            }
-        );
-        let dangling = Mesh {
-            triangles: vec![[0, 1, 99]],
-            ..flat
-        };
+        assert_eq!(error, SolidError::UnusableMesh { vertices: 0, triangles: 0 });
+        let dangling = Mesh { triangles: vec![[0, 1, 99]], ..flat };
         let truth = SolidTruth::new(&sphere(1.0, 8), coarse()).unwrap();
-        assert!(matches!(
-            truth.evaluate(&dangling),
-            Err(SolidError::UnusableMesh { .. })
-        ));
+        assert!(matches!(truth.evaluate(&dangling), Err(SolidError::UnusableMesh { .. })));
     }
 }

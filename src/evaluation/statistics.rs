@@ -36,11 +36,7 @@ pub(super) fn best_constant_bad_share(values: &mut [f64], tolerance: f64) -> f64
 
 /// `part` of `whole`; 0 of nothing.
 pub(super) fn share(part: usize, whole: usize) -> f64 {
-    if whole == 0 {
-        0.0
-    } else {
-        part as f64 / whole as f64
-    }
+    if whole == 0 { 0.0 } else { part as f64 / whole as f64 }
 }
 
 /// The smallest and largest of finite values.
@@ -71,14 +67,8 @@ mod tests {
 
     #[test]
     fn a_constant_or_nothing_has_no_correlation() {
-        assert_eq!(
-            pearson_correlation(&[(0.1, 1.0), (0.1, 2.0), (0.1, 7.0)]),
-            None
-        );
-        assert_eq!(
-            pearson_correlation(&[(1.0, 0.3), (2.0, 0.3), (9.0, 0.3)]),
-            None
-        );
+        assert_eq!(pearson_correlation(&[(0.1, 1.0), (0.1, 2.0), (0.1, 7.0)]), None);
+        assert_eq!(pearson_correlation(&[(1.0, 0.3), (2.0, 0.3), (9.0, 0.3)]), None);
         assert_eq!(pearson_correlation(&[]), None);
         assert_eq!(pearson_correlation(&[(1.0, 1.0)]), None);
     }

@@ -56,11 +56,7 @@ pub(super) fn compare_surfaces(
         hausdorff_95: there.percentile(0.95).max(back.percentile(0.95)),
         precision,
         recall,
-        f_score: if both > 0.0 {
-            2.0 * precision * recall / both
-        } else {
-            0.0
-        },
+        f_score: if both > 0.0 { 2.0 * precision * recall / both } else { 0.0 },
         normal_consistency: (there.mean_cosine + back.mean_cosine) / 2.0,
     })
 }
@@ -75,24 +71,15 @@ fn directed(from: &[SurfacePoint], to: &[SurfacePoint], longest_side: f64) -> Op
         .par_iter()
         .map(|point| {
             let query: [f64; 3] = point.position.into();
-            let found = tree
-                .query(&query)
-                .nearest_one::<SquaredEuclidean<f64>>()
-                .execute();
+            let found = tree.query(&query).nearest_one::<SquaredEuclidean<f64>>().execute();
             let normal = to[found.item as usize].normal;
-            (
-                found.distance.sqrt() / longest_side,
-                point.normal.dot(&normal).abs(),
-            )
+            (found.distance.sqrt() / longest_side, point.normal.dot(&normal).abs())
         })
         .collect();
     let mean_cosine = nearest.iter().map(|pair| pair.1).sum::<f64>() / nearest.len() as f64;
     let mut distances: Vec<f64> = nearest.into_iter().map(|pair| pair.0).collect();
     distances.sort_by(f64::total_cmp);
-    Some(Directed {
-        distances,
-        mean_cosine,
-    })
+    Some(Directed { distances, mean_cosine })
 }
 
 impl Directed {
@@ -101,10 +88,7 @@ impl Directed {
     }
 
     fn within(&self, tolerance: f64) -> f64 {
-        share(
-            self.distances.partition_point(|&d| d <= tolerance),
-            self.distances.len(),
-        )
+        share(self.distances.partition_point(|&d| d <= tolerance), self.distances.len())
     }
 
     /// The smallest distance that at least this share of points keeps.
@@ -120,10 +104,7 @@ mod tests {
     use nalgebra::{Point3, Vector3};
 
     fn at(x: f64, normal: Vector3<f64>) -> SurfacePoint {
-        SurfacePoint {
-            position: Point3::new(x, 0.0, 0.0),
-            normal,
-        }
+        SurfacePoint { position: Point3::new(x, 0.0, 0.0), normal }
     }
 
     #[test]
@@ -152,9 +133,7 @@ mod tests {
 
     #[test]
     fn many_points_with_an_equal_coordinate_are_indexed() {
-        let points: Vec<_> = (0..5000)
-            .map(|i| at(f64::from(i % 5), Vector3::z()))
-            .collect();
+        let points: Vec<_> = (0..5000).map(|i| at(f64::from(i % 5), Vector3::z())).collect();
         let found = compare_surfaces(&points, &points, 1.0, 0.0).unwrap();
         assert_eq!((found.hausdorff, found.f_score), (0.0, 1.0));
     }

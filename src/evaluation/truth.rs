@@ -35,12 +35,7 @@ pub enum TruthError {
     #[error("is not a PNG, PFM or EXR picture")]
     UnknownFormat,
     #[error("is {width}x{height}, over the limit of {max_pixels} pixels and {max_side_px} a side")]
-    TooManyPixels {
-        width: u32,
-        height: u32,
-        max_pixels: u64,
-        max_side_px: u32,
-    },
+    TooManyPixels { width: u32, height: u32, max_pixels: u64, max_side_px: u32 },
     #[error(transparent)]
     Pfm(#[from] PfmError),
     #[error("is damaged or of a kind that cannot be read: {0}")]
@@ -56,16 +51,10 @@ pub enum TruthError {
 pub fn decode_truth(bytes: &[u8], limits: &ImageLimits) -> Result<RawTruth, TruthError> {
     let size = bytes.len() as u64;
     if size > limits.max_bytes {
-        return Err(TruthError::TooManyBytes {
-            bytes: size,
-            limit: limits.max_bytes,
-        });
+        return Err(TruthError::TooManyBytes { bytes: size, limit: limits.max_bytes });
     }
     let (encoding, mut values) = if bytes.starts_with(b"Pf") || bytes.starts_with(b"PF") {
-        (
-            TruthEncoding::Pfm,
-            decode_pfm(bytes, limits.max_pixels, limits.max_side_px)?,
-        )
+        (TruthEncoding::Pfm, decode_pfm(bytes, limits.max_pixels, limits.max_side_px)?)
     } else {
         floats_of(&decode_image(bytes, limits)?)
     };
@@ -117,10 +106,7 @@ fn floats_of(image: &DynamicImage) -> (TruthEncoding, FloatImage) {
     match image {
         DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_) => {
             let colours = image.to_rgba32f();
-            (
-                TruthEncoding::Exr,
-                from(&|x, y| colours.get_pixel(x, y).0[0]),
-            )
+            (TruthEncoding::Exr, from(&|x, y| colours.get_pixel(x, y).0[0]))
         }
         DynamicImage::ImageLuma16(_)
         | DynamicImage::ImageLumaA16(_)
@@ -165,11 +151,7 @@ impl RawTruth {
             let mut map = self.values.clone();
             for image::Luma([value]) in map.pixels_mut() {
                 let in_front = *value > 0.0;
-                *value = if in_front {
-                    to_px(f64::from(*value)) as f32
-                } else {
-                    f32::NAN
-                };
+                *value = if in_front { to_px(f64::from(*value)) as f32 } else { f32::NAN };
             }
             map
         };
@@ -214,14 +196,9 @@ mod tests {
             ImageBuffer::from_raw(3, 1, vec![0, 7 * 4096, 9 * 4096]).unwrap();
         let raw = decode(&encode(counts, ImageFormat::Png));
         assert_eq!(raw.encoding, TruthEncoding::Png16);
-        let scale = DepthScale {
-            counts_per_unit: 4096.0,
-            camera_distance: 8.0,
-            pixels_per_unit: 100.0,
-        };
-        let ViewTruth::Metric(map) = raw.as_depth(Some(scale)) else {
-            panic!("not metric")
-        };
+        let scale =
+            DepthScale { counts_per_unit: 4096.0, camera_distance: 8.0, pixels_per_unit: 100.0 };
+        let ViewTruth::Metric(map) = raw.as_depth(Some(scale)) else { panic!("not metric") };
         let px = 100.0 * 5.0_f32.to_radians().sin();
         assert!(map.as_raw()[0].is_nan());
         assert!((map.as_raw()[1] - px).abs() < 1e-4);
@@ -233,13 +210,9 @@ mod tests {
         let ramp = GrayImage::from_raw(3, 1, vec![0, 100, 255]).unwrap();
         let raw = decode(&encode(ramp, ImageFormat::Png));
         assert_eq!(raw.encoding, TruthEncoding::Png8);
-        let ViewTruth::Relative(map) = raw.as_disparity(None) else {
-            panic!("not relative")
-        };
+        let ViewTruth::Relative(map) = raw.as_disparity(None) else { panic!("not relative") };
         assert_eq!(map.as_raw()[1..], [100.0, 255.0]);
-        let ViewTruth::Relative(map) = raw.as_depth(None) else {
-            panic!("not relative")
-        };
+        let ViewTruth::Relative(map) = raw.as_depth(None) else { panic!("not relative") };
         assert_eq!(map.as_raw()[1..], [-100.0, -255.0]);
     }
 
@@ -259,15 +232,9 @@ mod tests {
         assert_eq!(raw.values.as_raw()[0], 2.5);
         assert!(raw.values.as_raw()[1].is_nan());
         let mut pfm = b"Pf\n3 1\n-1\n".to_vec();
-        pfm.extend(
-            [0.0_f32, -1.5, f32::INFINITY]
-                .into_iter()
-                .flat_map(f32::to_le_bytes),
-        );
+        pfm.extend([0.0_f32, -1.5, f32::INFINITY].into_iter().flat_map(f32::to_le_bytes));
         let raw = decode(&pfm);
-        let ViewTruth::Metric(map) = raw.as_disparity(Some(5.0)) else {
-            panic!("not metric")
-        };
+        let ViewTruth::Metric(map) = raw.as_disparity(Some(5.0)) else { panic!("not metric") };
         assert_eq!(map.as_raw()[..2], [0.0, -1.5]);
         assert!(map.as_raw()[2].is_nan());
     }
@@ -275,23 +242,11 @@ mod tests {
     #[test]
     fn limits_and_damage_are_named() {
         let png = encode(GrayImage::new(30, 20), ImageFormat::Png);
-        let small = ImageLimits {
-            max_side_px: 29,
-            ..ImageLimits::default()
-        };
+        let small = ImageLimits { max_side_px: 29, ..ImageLimits::default() };
         let refuse = |bytes: &[u8], limits: &ImageLimits| decode_truth(bytes, limits).unwrap_err();
-        assert!(matches!(
-            refuse(&png, &small),
-            TruthError::TooManyPixels { width: 30, .. }
-        ));
-        let short = ImageLimits {
-            max_bytes: 10,
-            ..ImageLimits::default()
-        };
-        assert!(matches!(
-            refuse(&png, &short),
-            TruthError::TooManyBytes { .. }
-        ));
+        assert!(matches!(refuse(&png, &small), TruthError::TooManyPixels { width: 30, .. }));
+        let short = ImageLimits { max_bytes: 10, ..ImageLimits::default() };
+        assert!(matches!(refuse(&png, &short), TruthError::TooManyBytes { .. }));
         let all = ImageLimits::default();
         assert!(matches!(refuse(b"Pf\n1 1\n", &all), TruthError::Pfm(_)));
         assert!(matches!(refuse(b"GIF89a", &all), TruthError::UnknownFormat));

@@ -65,12 +65,7 @@ pub struct PxBad2 {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ViewEvaluationError {
     #[error("the truth is {truth_width}x{truth_height}, the view {width}x{height}")]
-    SizeMismatch {
-        width: u32,
-        height: u32,
-        truth_width: u32,
-        truth_height: u32,
-    },
+    SizeMismatch { width: u32, height: u32, truth_width: u32, truth_height: u32 },
     #[error("no pixel has a true value")]
     EmptyTruth,
 }
@@ -89,10 +84,7 @@ pub fn disparity_from_depth(depth_px: &FloatImage) -> FloatImage {
 
 /// Brings the disparity of a pair `pair_deg` apart to the 5-degree pair's.
 pub fn disparity_from_pair(disparity_px: &FloatImage, pair_deg: f64) -> FloatImage {
-    scaled(
-        disparity_px,
-        REFERENCE_PAIR_DEG.to_radians().sin() / pair_deg.to_radians().sin(),
-    )
+    scaled(disparity_px, REFERENCE_PAIR_DEG.to_radians().sin() / pair_deg.to_radians().sin())
 }
 
 fn scaled(map: &FloatImage, factor: f64) -> FloatImage {
@@ -115,10 +107,8 @@ pub fn evaluate_view(
     truth: &ViewTruth,
 ) -> Result<ViewReport, ViewEvaluationError> {
     let samples = samples(disparity_px, truth.values())?;
-    let both: Vec<(f64, f64)> = samples
-        .iter()
-        .filter_map(|(ours, truth)| ours.map(|ours| (ours, *truth)))
-        .collect();
+    let both: Vec<(f64, f64)> =
+        samples.iter().filter_map(|(ours, truth)| ours.map(|ours| (ours, *truth))).collect();
     let metric = matches!(truth, ViewTruth::Metric(_));
     Ok(ViewReport {
         truth_pixels: samples.len(),
@@ -137,12 +127,7 @@ fn samples(
 ) -> Result<Vec<(Option<f64>, f64)>, ViewEvaluationError> {
     let ((width, height), (truth_width, truth_height)) = (ours.dimensions(), truth.dimensions());
     if (width, height) != (truth_width, truth_height) {
-        return Err(ViewEvaluationError::SizeMismatch {
-            width,
-            height,
-            truth_width,
-            truth_height,
-        });
+        return Err(ViewEvaluationError::SizeMismatch { width, height, truth_width, truth_height });
     }
     let samples: Vec<_> = ours
         .iter()
@@ -150,11 +135,7 @@ fn samples(
         .filter(|(_, truth)| truth.is_finite())
         .map(|(&ours, &truth)| (ours.is_finite().then(|| f64::from(ours)), f64::from(truth)))
         .collect();
-    if samples.is_empty() {
-        Err(ViewEvaluationError::EmptyTruth)
-    } else {
-        Ok(samples)
-    }
+    if samples.is_empty() { Err(ViewEvaluationError::EmptyTruth) } else { Ok(samples) }
 }
 
 fn px_bad2(samples: &[(Option<f64>, f64)]) -> PxBad2 {
@@ -231,24 +212,12 @@ mod tests {
     fn relative_or_flat_truth_leaves_figures_out() {
         let values = map(2, &[1.0, 2.0]);
         let report = evaluate_view(&values, &ViewTruth::Relative(values.clone())).unwrap();
-        assert_eq!(
-            (report.bad2_px, report.depth_error_over_range),
-            (None, None)
-        );
+        assert_eq!((report.bad2_px, report.depth_error_over_range), (None, None));
         assert!((report.correlation.unwrap() - 1.0).abs() < 1e-12);
         let flat = ViewTruth::Metric(map(2, &[3.0, 3.0]));
         let report = evaluate_view(&values, &flat).unwrap();
-        assert_eq!(
-            (report.correlation, report.depth_error_over_range),
-            (None, None)
-        );
-        assert_eq!(
-            report.bad2_px.unwrap(),
-            PxBad2 {
-                honest: 0.0,
-                best_constant: 0.0
-            }
-        );
+        assert_eq!((report.correlation, report.depth_error_over_range), (None, None));
+        assert_eq!(report.bad2_px.unwrap(), PxBad2 { honest: 0.0, best_constant: 0.0 });
     }
 
     #[test]
@@ -265,10 +234,7 @@ mod tests {
     fn sizes_and_empty_truth_are_named() {
         let truth = ViewTruth::Metric(map(2, &[1.0, 2.0]));
         let error = evaluate_view(&map(1, &[1.0, 2.0]), &truth).unwrap_err();
-        assert!(matches!(
-            error,
-            ViewEvaluationError::SizeMismatch { truth_width: 2, .. }
-        ));
+        assert!(matches!(error, ViewEvaluationError::SizeMismatch { truth_width: 2, .. }));
         let empty = ViewTruth::Metric(map(1, &[NONE]));
         let error = evaluate_view(&map(1, &[1.0]), &empty).unwrap_err();
         assert_eq!(error, ViewEvaluationError::EmptyTruth);

@@ -23,16 +23,10 @@ pub(super) fn finish(soup: Soup, up_axis: UpAxis) -> Result<Model, ModelError> {
     check_indices(&soup)?;
     check_finite(&soup)?;
     let joined = joined_vertices(&soup);
-    let positions: Vec<_> = joined
-        .positions
-        .iter()
-        .map(|&p| Point3::from(up_axis.model_from_file(p)))
-        .collect();
+    let positions: Vec<_> =
+        joined.positions.iter().map(|&p| Point3::from(up_axis.model_from_file(p))).collect();
     let has_normals = soup.corner_normals.iter().any(Option::is_some);
-    let mut model = Model {
-        corner_normals: has_normals.then(Vec::new),
-        ..Model::default()
-    };
+    let mut model = Model { corner_normals: has_normals.then(Vec::new), ..Model::default() };
     for (index, triangle) in soup.triangles.iter().enumerate() {
         let triangle = triangle.map(|vertex| joined.index_of[vertex as usize]);
         let corners = triangle.map(|vertex| positions[vertex as usize]);
@@ -42,18 +36,12 @@ pub(super) fn finish(soup: Soup, up_axis: UpAxis) -> Result<Model, ModelError> {
         model.mesh.triangles.push(triangle);
         model.materials.push(soup.materials[index]);
         if let Some(normals) = &mut model.corner_normals {
-            normals.push(corner_normals(
-                soup.corner_normals[index],
-                up_axis,
-                face_normal,
-            ));
+            normals.push(corner_normals(soup.corner_normals[index], up_axis, face_normal));
         }
     }
     model.mesh.positions = positions;
     if model.mesh.triangles.is_empty() {
-        return Err(ModelError::NoTriangles {
-            degenerate: soup.triangles.len(),
-        });
+        return Err(ModelError::NoTriangles { degenerate: soup.triangles.len() });
     }
     Ok(model)
 }
@@ -79,9 +67,7 @@ fn check_finite(soup: &Soup) -> Result<(), ModelError> {
         !p.iter().all(|c| c.is_finite() && c.abs() < MAX_COORDINATE)
     };
     match soup.triangles.iter().flatten().find(|v| bad(v)) {
-        Some(&vertex) => Err(ModelError::NonFiniteVertex {
-            vertex: vertex as usize,
-        }),
+        Some(&vertex) => Err(ModelError::NonFiniteVertex { vertex: vertex as usize }),
         None => Ok(()),
     }
 }
@@ -95,9 +81,7 @@ fn unit_normal([a, b, c]: [Point3<f64>; 3]) -> Option<Vector3<f64>> {
     if scale <= 0.0 {
         return None;
     }
-    ((b - a) / scale)
-        .cross(&((c - a) / scale))
-        .try_normalize(1e-12)
+    ((b - a) / scale).cross(&((c - a) / scale)).try_normalize(1e-12)
 }
 
 /// The file's normals in the model frame; the face's own where they are missing or zero.
@@ -136,8 +120,5 @@ fn joined_vertices(soup: &Soup) -> Joined {
         })
     });
     let index_of = index_of.collect();
-    Joined {
-        positions,
-        index_of,
-    }
+    Joined { positions, index_of }
 }

@@ -10,33 +10,23 @@ pub struct Limits {
 
 impl Default for Limits {
     fn default() -> Self {
-        Self {
-            max_bytes: 256 << 20,
-            max_vertices: 4_000_000,
-            max_triangles: 4_000_000,
-        }
+        Self { max_bytes: 256 << 20, max_vertices: 4_000_000, max_triangles: 4_000_000 }
     }
 }
 
 impl Limits {
     pub(super) fn check_bytes(&self, found: usize) -> Result<(), ModelError> {
         let limit = self.max_bytes;
-        (found <= limit)
-            .then_some(())
-            .ok_or(ModelError::TooManyBytes { found, limit })
+        (found <= limit).then_some(()).ok_or(ModelError::TooManyBytes { found, limit })
     }
 
     pub(super) fn check_vertices(&self, found: usize) -> Result<(), ModelError> {
         let limit = self.max_vertices;
-        (found <= limit)
-            .then_some(())
-            .ok_or(ModelError::TooManyVertices { found, limit })
+        (found <= limit).then_some(()).ok_or(ModelError::TooManyVertices { found, limit })
     }
 
     pub(super) fn check_triangles(&self, found: usize) -> Result<(), ModelError> {
         let limit = self.max_triangles;
-        (found <= limit)
-            .then_some(())
-            .ok_or(ModelError::TooManyTriangles { found, limit })
+        (found <= limit).then_some(()).ok_or(ModelError::TooManyTriangles { found, limit })
     }
 }

@@ -18,14 +18,10 @@ pub(super) fn read(bytes: &[u8], limits: &Limits) -> Result<Soup, ModelError> {
     // The parser splits meshes only at materials that a library defines; this one is first.
     let mut reader = Cursor::new(b"mtllib materials\n").chain(Cursor::new(bytes));
     let loaded = tobj::load_obj_buf(&mut reader, &LoadOptions::default(), |_| {
-        let materials = material_ids.keys().map(|name| tobj::Material {
-            name: name.clone(),
-            ..tobj::Material::default()
-        });
-        Ok((
-            materials.collect(),
-            material_ids.clone().into_iter().collect(),
-        ))
+        let materials = material_ids
+            .keys()
+            .map(|name| tobj::Material { name: name.clone(), ..tobj::Material::default() });
+        Ok((materials.collect(), material_ids.clone().into_iter().collect()))
     });
     let (models, _) = loaded.map_err(|error| ModelError::malformed(FORMAT, error))?;
     let mut soup = Soup::default();
@@ -45,9 +41,7 @@ fn check_counts(bytes: &[u8], limits: &Limits) -> Result<(), ModelError> {
     let mut vertices = 0;
     let mut corners = 0;
     for line in bytes.split(|&b| b == b'\n') {
-        let mut words = line
-            .split(u8::is_ascii_whitespace)
-            .filter(|w| !w.is_empty());
+        let mut words = line.split(u8::is_ascii_whitespace).filter(|w| !w.is_empty());
         match words.next() {
             Some(b"v" | b"vn" | b"vt") => vertices += 1,
             Some(b"f") => corners += words.count(),
@@ -83,41 +77,28 @@ fn push_mesh(
     for arity in face_arities(mesh) {
         let range = start..start + arity;
         start += arity;
-        let (Some(indices), normal_indices) = (
-            mesh.indices.get(range.clone()),
-            mesh.normal_indices.get(range),
-        ) else {
+        let (Some(indices), normal_indices) =
+            (mesh.indices.get(range.clone()), mesh.normal_indices.get(range))
+        else {
             return Err(ModelError::malformed(FORMAT, "a face has too few corners"));
         };
-        let corners: Option<Vec<_>> = indices
-            .iter()
-            .map(|&i| positions.get(i as usize).copied())
-            .collect();
+        let corners: Option<Vec<_>> =
+            indices.iter().map(|&i| positions.get(i as usize).copied()).collect();
         let Some(corners) = corners else {
-            return Err(ModelError::malformed(
-                FORMAT,
-                "a face has an unknown vertex",
-            ));
+            return Err(ModelError::malformed(FORMAT, "a face has an unknown vertex"));
         };
         let mut triangles = Vec::new();
         triangulator.triangulate(&corners, &mut triangles);
         for triangle in triangles {
-            soup.triangles
-                .push(triangle.map(|i| first + indices[i as usize]));
+            soup.triangles.push(triangle.map(|i| first + indices[i as usize]));
             soup.materials.push(material);
-            soup.corner_normals
-                .push(normal_indices.and_then(|of_corner| {
-                    let normal = |i: u32| normals.get(of_corner[i as usize] as usize).copied();
-                    Some([
-                        normal(triangle[0])?,
-                        normal(triangle[1])?,
-                        normal(triangle[2])?,
-                    ])
-                }));
+            soup.corner_normals.push(normal_indices.and_then(|of_corner| {
+                let normal = |i: u32| normals.get(of_corner[i as usize] as usize).copied();
+                Some([normal(triangle[0])?, normal(triangle[1])?, normal(triangle[2])?])
+            }));
         }
     }
-    soup.parts
-        .extend(std::iter::repeat_n(part, positions.len()));
+    soup.parts.extend(std::iter::repeat_n(part, positions.len()));
     soup.positions.extend(positions);
     Ok(())
 }
@@ -127,10 +108,7 @@ fn face_arities(mesh: &Mesh) -> Vec<usize> {
     if mesh.face_arities.is_empty() {
         vec![3; mesh.indices.len() / 3]
     } else {
-        mesh.face_arities
-            .iter()
-            .map(|&arity| arity as usize)
-            .collect()
+        mesh.face_arities.iter().map(|&arity| arity as usize).collect()
     }
 }
 

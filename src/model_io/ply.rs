@@ -14,9 +14,7 @@ const FORMAT: &str = "PLY";
 pub(super) fn read(bytes: &[u8], limits: &Limits) -> Result<Soup, ModelError> {
     let malformed = |error| ModelError::malformed(FORMAT, error);
     let mut reader = Reader::new(Cursor::new(bytes));
-    let header = Parser::<Skipped>::new()
-        .read_header(&mut reader)
-        .map_err(malformed)?;
+    let header = Parser::<Skipped>::new().read_header(&mut reader).map_err(malformed)?;
     check_header(&header, bytes.len(), limits)?;
     let mut vertices = Vec::new();
     let mut faces = Vec::new();
@@ -28,9 +26,7 @@ pub(super) fn read(bytes: &[u8], limits: &Limits) -> Result<Soup, ModelError> {
         }
     }
     let has_normals = header.elements.get("vertex").is_some_and(|vertex| {
-        ["nx", "ny", "nz"]
-            .iter()
-            .all(|name| vertex.properties.contains_key(*name))
+        ["nx", "ny", "nz"].iter().all(|name| vertex.properties.contains_key(*name))
     });
     assembled(&vertices, &faces, has_normals, limits)
 }
@@ -80,10 +76,7 @@ fn assembled(
     let mut triangulator = Triangulator::default();
     for (index, face) in faces.iter().enumerate() {
         let corners = face.corners(index, vertices.len())?;
-        let places: Vec<_> = corners
-            .iter()
-            .map(|&c| vertices[c as usize].position)
-            .collect();
+        let places: Vec<_> = corners.iter().map(|&c| vertices[c as usize].position).collect();
         let mut triangles = Vec::new();
         triangulator.triangulate(&places, &mut triangles);
         for triangle in triangles {
@@ -153,14 +146,8 @@ struct Face {
 impl Face {
     fn corners(&self, index: usize, vertices: usize) -> Result<Vec<u32>, ModelError> {
         let in_range = |&vertex: &i64| {
-            let usable = u32::try_from(vertex)
-                .ok()
-                .filter(|&v| (v as usize) < vertices);
-            usable.ok_or(ModelError::IndexOutOfRange {
-                triangle: index,
-                vertex,
-                vertices,
-            })
+            let usable = u32::try_from(vertex).ok().filter(|&v| (v as usize) < vertices);
+            usable.ok_or(ModelError::IndexOutOfRange { triangle: index, vertex, vertices })
         };
         self.vertices.iter().map(in_range).collect()
     }

@@ -34,8 +34,7 @@ impl Triangulator {
             return false;
         }
         self.corners.clear();
-        self.corners
-            .extend(corners.iter().map(|&c| <[f64; 3]>::from(c)));
+        self.corners.extend(corners.iter().map(|&c| <[f64; 3]>::from(c)));
         self.flat.clear();
         if !project3d_to_2d(&self.corners, corners.len(), &mut self.flat) {
             return false;

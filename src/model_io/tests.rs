@@ -12,9 +12,7 @@ fn malformed(result: Result<Model, ModelError>) -> bool {
 
 fn corners(model: &Model) -> Vec<[[f64; 3]; 3]> {
     let faces = 0..model.mesh.triangles.len();
-    faces
-        .map(|face| model.mesh.corners(face).map(|p| [p.x, p.y, p.z]))
-        .collect()
+    faces.map(|face| model.mesh.corners(face).map(|p| [p.x, p.y, p.z])).collect()
 }
 
 mod obj {
@@ -41,11 +39,7 @@ mod obj {
                      usemtl red\nf 1 2 3\nusemtl blue sky\nf 2 4 3\n";
         let model = load_plain(file, ModelFormat::Obj).unwrap();
         assert_ne!(model.materials[0], model.materials[1]);
-        assert_eq!(
-            model.mesh.positions.len(),
-            4,
-            "the parts still share their edge"
-        );
+        assert_eq!(model.mesh.positions.len(), 4, "the parts still share their edge");
     }
 
     #[test]
@@ -59,10 +53,7 @@ mod obj {
     fn turns_y_up_into_z_up_when_told() {
         let file = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
         let model = load(file, ModelFormat::Obj, Some(UpAxis::Y), &Limits::default()).unwrap();
-        assert_eq!(
-            corners(&model)[0],
-            [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
-        );
+        assert_eq!(corners(&model)[0], [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]);
     }
 
     #[test]
@@ -70,17 +61,11 @@ mod obj {
         let load_obj = |text: &str| load_plain(text.as_bytes(), ModelFormat::Obj);
         assert_eq!(load_obj(""), Err(ModelError::NoTriangles { degenerate: 0 }));
         let line = "v 0 0 0\nv 1 1 1\nv 2 2 2\nf 1 2 3\n";
-        assert_eq!(
-            load_obj(line),
-            Err(ModelError::NoTriangles { degenerate: 1 })
-        );
+        assert_eq!(load_obj(line), Err(ModelError::NoTriangles { degenerate: 1 }));
         assert!(malformed(load_obj("v 0 0 0\nf 1 2 3\n")));
         assert!(malformed(load_obj("v 0 zero 0\n")));
         let not_finite = "v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
-        assert!(matches!(
-            load_obj(not_finite),
-            Err(ModelError::NonFiniteVertex { .. })
-        ));
+        assert!(matches!(load_obj(not_finite), Err(ModelError::NonFiniteVertex { .. })));
         assert!(malformed(load_plain(b"\xff\xfe v", ModelFormat::Obj)));
     }
 }
@@ -92,9 +77,7 @@ mod stl {
         let mut bytes = vec![0; 80];
         bytes[..header.len()].copy_from_slice(header);
         bytes.extend(triangles.to_le_bytes());
-        for number in [
-            0.0_f32, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0,
-        ] {
+        for number in [0.0_f32, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0] {
             bytes.extend(number.to_le_bytes());
         }
         bytes.extend([0, 0]);
@@ -108,10 +91,7 @@ mod stl {
         let expected = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
         let binary_that_says_solid = binary(b"solid exported", 1);
         for file in [ascii.as_slice(), &binary(b"", 1), &binary_that_says_solid] {
-            assert_eq!(
-                corners(&load_plain(file, ModelFormat::Stl).unwrap())[0],
-                expected
-            );
+            assert_eq!(corners(&load_plain(file, ModelFormat::Stl).unwrap())[0], expected);
         }
     }
 
@@ -120,10 +100,7 @@ mod stl {
         assert!(malformed(load_plain(&binary(b"", 2), ModelFormat::Stl)));
         let promised = load_plain(&binary(b"", u32::MAX), ModelFormat::Stl);
         assert!(matches!(promised, Err(ModelError::TooManyTriangles { .. })));
-        assert!(malformed(load_plain(
-            b"solid \nfacet normal 0 0\n",
-            ModelFormat::Stl
-        )));
+        assert!(malformed(load_plain(b"solid \nfacet normal 0 0\n", ModelFormat::Stl)));
         assert!(malformed(load_plain(b"", ModelFormat::Stl)));
     }
 }
@@ -143,9 +120,7 @@ mod ply {
         let text = ascii("0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n");
         let mut little = format!("ply\nformat binary_little_endian 1.0\n{HEADER}").into_bytes();
         let mut big = format!("ply\nformat binary_big_endian 1.0\n{HEADER}").into_bytes();
-        for number in [
-            0.0_f32, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0,
-        ] {
+        for number in [0.0_f32, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0] {
             little.extend(number.to_le_bytes());
             big.extend(number.to_be_bytes());
         }
@@ -166,19 +141,12 @@ mod ply {
         let load_ply = |bytes: &[u8]| load_plain(bytes, ModelFormat::Ply);
         assert!(malformed(load_ply(b"")));
         let out_of_range = load_ply(&ascii("0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 7\n"));
-        let expected = ModelError::IndexOutOfRange {
-            triangle: 0,
-            vertex: 7,
-            vertices: 4,
-        };
+        let expected = ModelError::IndexOutOfRange { triangle: 0, vertex: 7, vertices: 4 };
         assert_eq!(out_of_range, Err(expected));
         assert!(malformed(load_ply(&ascii("0 0 0\n1 0 0\n"))));
         let many =
             "ply\nformat ascii 1.0\nelement vertex 99999999999\nproperty float x\nend_header\n";
-        assert!(matches!(
-            load_ply(many.as_bytes()),
-            Err(ModelError::TooManyVertices { .. })
-        ));
+        assert!(matches!(load_ply(many.as_bytes()), Err(ModelError::TooManyVertices { .. })));
         let endless = "ply\nformat binary_little_endian 1.0\nelement nothing 3\nend_header\n";
         assert!(malformed(load_ply(endless.as_bytes())));
     }
@@ -325,9 +293,7 @@ mod gltf {
     fn refuses_graphs_that_are_no_trees() {
         let cycle = json!([{"mesh": 0, "children": [1]}, {"children": [0]}]);
         assert!(malformed(load_document(&document(cycle))));
-        let chain: Vec<_> = (1..1000)
-            .map(|child| json!({"children": [child]}))
-            .collect();
+        let chain: Vec<_> = (1..1000).map(|child| json!({"children": [child]})).collect();
         let mut nodes = Value::from(chain);
         nodes.as_array_mut().unwrap().push(json!({"mesh": 0}));
         assert!(malformed(load_document(&document(nodes))));
@@ -341,10 +307,7 @@ mod gltf {
         assert!(malformed(load_document(&beyond)));
         let mut huge = single();
         huge["accessors"][0]["count"] = json!(4_000_000_000_u32);
-        assert!(matches!(
-            load_document(&huge),
-            Err(ModelError::TooManyVertices { .. })
-        ));
+        assert!(matches!(load_document(&huge), Err(ModelError::TooManyVertices { .. })));
         let mut view = single();
         view["bufferViews"][0]["byteOffset"] = json!(u64::MAX);
         assert!(malformed(load_document(&view)));
@@ -358,10 +321,7 @@ mod gltf {
     fn refuses_required_extensions_that_change_the_surface() {
         let mut compressed = document(json!([{"mesh": 0}]));
         compressed["extensionsRequired"] = json!(["KHR_draco_mesh_compression"]);
-        assert!(matches!(
-            load_document(&compressed),
-            Err(ModelError::Unsupported { .. })
-        ));
+        assert!(matches!(load_document(&compressed), Err(ModelError::Unsupported { .. })));
         compressed["extensionsRequired"] = json!(["KHR_materials_clearcoat"]);
         assert!(load_document(&compressed).is_ok());
     }
@@ -370,10 +330,7 @@ mod gltf {
     fn refuses_headers_that_are_too_short_or_lie() {
         let whole = glb(&document(json!([{"mesh": 0}])));
         for length in 0..whole.len() {
-            assert!(
-                load_plain(&whole[..length], ModelFormat::Glb).is_err(),
-                "{length} bytes"
-            );
+            assert!(load_plain(&whole[..length], ModelFormat::Glb).is_err(), "{length} bytes");
         }
         let mut lying = whole.clone();
         lying[8..12].copy_from_slice(&3_u32.to_le_bytes());
@@ -383,26 +340,14 @@ mod gltf {
 
 #[test]
 fn limits_are_checked_before_anything_else() {
-    let limits = Limits {
-        max_bytes: 10,
-        ..Limits::default()
-    };
+    let limits = Limits { max_bytes: 10, ..Limits::default() };
     let refused = load(&[0; 11], ModelFormat::Obj, None, &limits);
-    assert_eq!(
-        refused,
-        Err(ModelError::TooManyBytes {
-            found: 11,
-            limit: 10
-        })
-    );
+    assert_eq!(refused, Err(ModelError::TooManyBytes { found: 11, limit: 10 }));
 }
 
 #[test]
 fn formats_go_by_the_extension() {
-    assert_eq!(
-        ModelFormat::from_file_name("a.b.GLB"),
-        Some(ModelFormat::Glb)
-    );
+    assert_eq!(ModelFormat::from_file_name("a.b.GLB"), Some(ModelFormat::Glb));
     assert_eq!(ModelFormat::from_file_name("model.fbx"), None);
     assert_eq!(ModelFormat::from_file_name("obj"), None);
 }

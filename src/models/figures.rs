@@ -15,12 +15,7 @@ pub fn dude() -> Model {
         .translated([0.0, 0.0, -1.1])
         .rotated_about_y(60.0)
         .translated([0.05, -0.55, -0.35]);
-    torso
-        .joined(leg(-0.32))
-        .joined(leg(0.32))
-        .joined(head)
-        .joined(hat)
-        .joined(stick)
+    torso.joined(leg(-0.32)).joined(leg(0.32)).joined(head).joined(hat).joined(stick)
 }
 
 /// A cone, a box and a sphere that stand apart, so that gaps between them open and close with
@@ -34,9 +29,7 @@ pub fn objects() -> Model {
 
 /// A humanoid of rounded limbs with a cape, the kind of subject that model sheets show.
 pub fn caped_figure() -> Model {
-    let head = uv_sphere(0.3, 24, 48)
-        .scaled([0.9, 1.0, 1.2])
-        .translated([0.0, 0.0, 1.45]);
+    let head = uv_sphere(0.3, 24, 48).scaled([0.9, 1.0, 1.2]).translated([0.0, 0.0, 1.45]);
     let neck = cylinder(0.13, 0.3, 32).translated([0.0, 0.0, 0.95]);
     let mut figure = trunk().joined(head).joined(neck).joined(cape());
     for side in [-1.0, 1.0] {
@@ -64,9 +57,7 @@ fn trunk() -> Model {
 }
 
 fn ear(side: f64) -> Model {
-    cone(0.1, 0.5, 24)
-        .rotated_about_y(8.0 * side)
-        .translated([0.15 * side, 0.0, 1.52])
+    cone(0.1, 0.5, 24).rotated_about_y(8.0 * side).translated([0.15 * side, 0.0, 1.52])
 }
 
 fn arm(side: f64) -> Model {
@@ -76,23 +67,15 @@ fn arm(side: f64) -> Model {
         .rotated_about_x(-18.0)
         .translated([0.174 * side, 0.0, -0.698]);
     let hand =
-        uv_sphere(0.13, 16, 32)
-            .scaled([0.8, 1.0, 1.3])
-            .translated([0.26 * side, -0.21, -1.42]);
-    upper
-        .joined(lower)
-        .joined(hand)
-        .translated([0.56 * side, 0.0, 0.78])
+        uv_sphere(0.13, 16, 32).scaled([0.8, 1.0, 1.3]).translated([0.26 * side, -0.21, -1.42]);
+    upper.joined(lower).joined(hand).translated([0.56 * side, 0.0, 0.78])
 }
 
 fn leg(side: f64) -> Model {
     let thigh = limb(0.23, 0.16, 0.9).rotated_about_y(-3.0 * side);
     let shin = limb(0.16, 0.1, 0.82).translated([0.047 * side, 0.0, -0.9]);
     let foot = cuboid([0.22, 0.48, 0.14]).translated([0.047 * side, -0.12, -1.8]);
-    thigh
-        .joined(shin)
-        .joined(foot)
-        .translated([0.22 * side, 0.0, -0.32])
+    thigh.joined(shin).joined(foot).translated([0.22 * side, 0.0, -0.32])
 }
 
 /// A tapering limb with round ends, hanging down from the origin.
@@ -106,9 +89,7 @@ fn limb(radius_top: f64, radius_end: f64, length: f64) -> Model {
             (distance, centre + radius * angle.sin())
         })
     };
-    let profile: Vec<_> = arc(-length, radius_end, -ARC)
-        .chain(arc(0.0, radius_top, 0))
-        .collect();
+    let profile: Vec<_> = arc(-length, radius_end, -ARC).chain(arc(0.0, radius_top, 0)).collect();
     lathe(&profile, 32)
 }
 
@@ -124,18 +105,10 @@ fn cape() -> Model {
         let radius = 0.62 + 0.42 * v * v + 0.05 * v * (5.0 * angle).cos() + 0.03 * f64::from(layer);
         let (sin, cos) = angle.sin_cos();
         let z = 0.86 - 2.25 * v;
-        mesh.positions.push(Point3::new(
-            1.05 * radius * sin,
-            0.85 * radius * cos - 0.12,
-            z,
-        ));
+        mesh.positions.push(Point3::new(1.05 * radius * sin, 0.85 * radius * cos - 0.12, z));
     }
     cape_triangles(&mut mesh, rows, columns);
-    Model {
-        materials: vec![1; mesh.triangles.len()],
-        mesh,
-        corner_normals: None,
-    }
+    Model { materials: vec![1; mesh.triangles.len()], mesh, corner_normals: None }
 }
 
 fn grid(rows: u32, columns: u32) -> impl Iterator<Item = (u32, u32, u32)> {
@@ -158,33 +131,13 @@ fn cape_triangles(mesh: &mut Mesh, rows: u32, columns: u32) {
     }
     for row in 0..rows {
         let (v, l) = (row, columns);
-        quad(
-            vertex(0, v, 0),
-            vertex(0, v + 1, 0),
-            vertex(1, v + 1, 0),
-            vertex(1, v, 0),
-        );
-        quad(
-            vertex(0, v, l),
-            vertex(1, v, l),
-            vertex(1, v + 1, l),
-            vertex(0, v + 1, l),
-        );
+        quad(vertex(0, v, 0), vertex(0, v + 1, 0), vertex(1, v + 1, 0), vertex(1, v, 0));
+        quad(vertex(0, v, l), vertex(1, v, l), vertex(1, v + 1, l), vertex(0, v + 1, l));
     }
     for column in 0..columns {
         let (u, l) = (column, rows);
-        quad(
-            vertex(0, 0, u),
-            vertex(1, 0, u),
-            vertex(1, 0, u + 1),
-            vertex(0, 0, u + 1),
-        );
-        quad(
-            vertex(0, l, u),
-            vertex(0, l, u + 1),
-            vertex(1, l, u + 1),
-            vertex(1, l, u),
-        );
+        quad(vertex(0, 0, u), vertex(1, 0, u), vertex(1, 0, u + 1), vertex(0, 0, u + 1));
+        quad(vertex(0, l, u), vertex(0, l, u + 1), vertex(1, l, u + 1), vertex(1, l, u));
     }
 }
 

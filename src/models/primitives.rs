@@ -8,11 +8,7 @@ use crate::model_io::Model;
 impl Model {
     /// All of one material, without normals of its own.
     pub(super) fn of_mesh(mesh: Mesh) -> Self {
-        Self {
-            materials: vec![0; mesh.triangles.len()],
-            mesh,
-            corner_normals: None,
-        }
+        Self { materials: vec![0; mesh.triangles.len()], mesh, corner_normals: None }
     }
 
     pub(super) fn translated(self, by: [f64; 3]) -> Self {
@@ -24,17 +20,11 @@ impl Model {
     }
 
     pub(super) fn rotated_about_x(self, angle_deg: f64) -> Self {
-        self.rotated(&Rotation3::from_axis_angle(
-            &Vector3::x_axis(),
-            angle_deg.to_radians(),
-        ))
+        self.rotated(&Rotation3::from_axis_angle(&Vector3::x_axis(), angle_deg.to_radians()))
     }
 
     pub(super) fn rotated_about_y(self, angle_deg: f64) -> Self {
-        self.rotated(&Rotation3::from_axis_angle(
-            &Vector3::y_axis(),
-            angle_deg.to_radians(),
-        ))
+        self.rotated(&Rotation3::from_axis_angle(&Vector3::y_axis(), angle_deg.to_radians()))
     }
 
     fn rotated(self, rotation: &Rotation3<f64>) -> Self {
@@ -53,11 +43,7 @@ impl Model {
     pub(super) fn joined(mut self, other: Self) -> Self {
         let first = self.mesh.positions.len() as u32;
         self.mesh.positions.extend(other.mesh.positions);
-        let shifted = other
-            .mesh
-            .triangles
-            .into_iter()
-            .map(|t| t.map(|v| v + first));
+        let shifted = other.mesh.triangles.into_iter().map(|t| t.map(|v| v + first));
         self.mesh.triangles.extend(shifted);
         self.materials.extend(other.materials);
         self
@@ -70,18 +56,9 @@ pub fn cuboid(size: [f64; 3]) -> Model {
         let sign = |bit: usize| if index >> bit & 1 == 1 { 0.5 } else { -0.5 };
         Point3::new(sign(0) * size[0], sign(1) * size[1], sign(2) * size[2])
     };
-    const QUADS: [[u32; 4]; 6] = [
-        [0, 2, 3, 1],
-        [4, 5, 7, 6],
-        [0, 1, 5, 4],
-        [3, 2, 6, 7],
-        [0, 4, 6, 2],
-        [1, 3, 7, 5],
-    ];
-    let mut mesh = Mesh {
-        positions: (0..8).map(corner).collect(),
-        triangles: Vec::new(),
-    };
+    const QUADS: [[u32; 4]; 6] =
+        [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [3, 2, 6, 7], [0, 4, 6, 2], [1, 3, 7, 5]];
+    let mut mesh = Mesh { positions: (0..8).map(corner).collect(), triangles: Vec::new() };
     QUADS.into_iter().for_each(|q| push_quad(&mut mesh, q));
     Model::of_mesh(mesh)
 }
@@ -98,12 +75,7 @@ pub fn cylinder(radius: f64, height: f64, segments: u32) -> Model {
 
 /// A capped cone stump from z = 0 to z = `height`; a radius of 0 gives an apex.
 pub fn frustum(radius_low: f64, radius_high: f64, height: f64, segments: u32) -> Model {
-    let profile = [
-        (0.0, 0.0),
-        (radius_low, 0.0),
-        (radius_high, height),
-        (0.0, height),
-    ];
+    let profile = [(0.0, 0.0), (radius_low, 0.0), (radius_high, height), (0.0, height)];
     lathe(&profile, segments)
 }
 
@@ -112,11 +84,7 @@ pub fn uv_sphere(radius: f64, rings: u32, segments: u32) -> Model {
     let profile: Vec<_> = (0..=rings)
         .map(|ring| {
             let angle = PI * f64::from(ring) / f64::from(rings);
-            let distance = if ring == 0 || ring == rings {
-                0.0
-            } else {
-                angle.sin()
-            };
+            let distance = if ring == 0 || ring == rings { 0.0 } else { angle.sin() };
             (radius * distance, -radius * angle.cos())
         })
         .collect();
@@ -147,18 +115,14 @@ fn push_ring(mesh: &mut Mesh, distance: f64, z: f64, segments: u32) -> Vec<u32> 
     }
     for segment in 0..segments {
         let (sin, cos) = (TAU * f64::from(segment) / f64::from(segments)).sin_cos();
-        mesh.positions
-            .push(Point3::new(distance * cos, distance * sin, z));
+        mesh.positions.push(Point3::new(distance * cos, distance * sin, z));
     }
     (first..first + segments).collect()
 }
 
 fn push_band(mesh: &mut Mesh, below: &[u32], above: &[u32], segment: usize) {
     let next = (segment + 1) % below.len();
-    push_quad(
-        mesh,
-        [below[segment], below[next], above[next], above[segment]],
-    );
+    push_quad(mesh, [below[segment], below[next], above[next], above[segment]]);
 }
 
 /// Two triangles; those that have shrunk to a line are left out.
@@ -178,22 +142,13 @@ pub fn torus(major: f64, minor: f64, major_segments: u32, minor_segments: u32) -
         for j in 0..minor_segments {
             let (tube_sin, tube_cos) = (TAU * f64::from(j) / f64::from(minor_segments)).sin_cos();
             let distance = major + minor * tube_cos;
-            mesh.positions.push(Point3::new(
-                distance * cos,
-                distance * sin,
-                minor * tube_sin,
-            ));
+            mesh.positions.push(Point3::new(distance * cos, distance * sin, minor * tube_sin));
         }
     }
     let vertex = |i: u32, j: u32| (i % major_segments) * minor_segments + j % minor_segments;
     for i in 0..major_segments {
         for j in 0..minor_segments {
-            let quad = [
-                vertex(i, j),
-                vertex(i + 1, j),
-                vertex(i + 1, j + 1),
-                vertex(i, j + 1),
-            ];
+            let quad = [vertex(i, j), vertex(i + 1, j), vertex(i + 1, j + 1), vertex(i, j + 1)];
             push_quad(&mut mesh, quad);
         }
     }

@@ -84,19 +84,9 @@ fn patches() -> Vec<Patch> {
 
 fn revolved(profile: &Profile, quarter: usize) -> Patch {
     profile.map(|(distance, z)| {
-        let factor = if z > 3.0 {
-            KNOB_QUARTER_CIRCLE
-        } else {
-            QUARTER_CIRCLE
-        };
+        let factor = if z > 3.0 { KNOB_QUARTER_CIRCLE } else { QUARTER_CIRCLE };
         let near = distance * factor;
-        [
-            (distance, 0.0),
-            (distance, near),
-            (near, distance),
-            (0.0, distance),
-        ]
-        .map(|(x, y)| {
+        [(distance, 0.0), (distance, near), (near, distance), (0.0, distance)].map(|(x, y)| {
             let (x, y) = (0..quarter).fold((x, y), |(x, y), _| (-y, x));
             Vector3::new(x, y, z)
         })
@@ -114,11 +104,7 @@ fn tube_half(rows: &[TubeRow], side: f64) -> Patch {
             Vector3::new(outer_x, 0.0, outer_z),
         ];
         let [a, b, c, d] = across;
-        if side > 0.0 {
-            [a, b, c, d]
-        } else {
-            [d, c, b, a]
-        }
+        if side > 0.0 { [a, b, c, d] } else { [d, c, b, a] }
     };
     [row(0), row(1), row(2), row(3)]
 }
@@ -132,11 +118,7 @@ struct Builder {
 impl Builder {
     fn add(&mut self, patch: &Patch, segments: u32) {
         let at = |i: u32, j: u32| {
-            point(
-                patch,
-                f64::from(i) / f64::from(segments),
-                f64::from(j) / f64::from(segments),
-            )
+            point(patch, f64::from(i) / f64::from(segments), f64::from(j) / f64::from(segments))
         };
         for i in 0..segments {
             for j in 0..segments {

@@ -18,19 +18,11 @@ fn edge_uses(mesh: &Mesh) -> std::collections::HashMap<[u32; 2], (u32, i32)> {
 fn solids_are_closed_and_face_outward() {
     for model in ProceduralModel::ALL {
         let mesh = model.build().mesh;
-        assert!(
-            mesh.signed_volume() > 0.1,
-            "{}: {}",
-            model.name(),
-            mesh.signed_volume()
-        );
+        assert!(mesh.signed_volume() > 0.1, "{}: {}", model.name(), mesh.signed_volume());
         if model == ProceduralModel::Teapot {
             continue;
         }
-        let open = edge_uses(&mesh)
-            .values()
-            .filter(|&&uses| uses != (2, 0))
-            .count();
+        let open = edge_uses(&mesh).values().filter(|&&uses| uses != (2, 0)).count();
         assert_eq!(open, 0, "{} has open or badly oriented edges", model.name());
     }
 }
@@ -44,21 +36,14 @@ fn volumes_are_those_of_the_shapes() {
     let close = |found: f64, exact: f64| (0.98..1.0).contains(&(found / exact));
     assert!(close(volume(uv_sphere(1.0, 48, 64)), 4.0 / 3.0 * pi));
     assert!(close(volume(cone(1.0, 3.0, 64)), pi));
-    assert!(close(
-        volume(torus(2.0, 0.5, 96, 48)),
-        2.0 * pi * pi * 2.0 * 0.25
-    ));
+    assert!(close(volume(torus(2.0, 0.5, 96, 48)), 2.0 * pi * pi * 2.0 * 0.25));
 }
 
 #[test]
 fn all_fit_the_default_frame_at_every_azimuth() {
     for model in ProceduralModel::ALL {
         for p in &model.build().mesh.positions {
-            assert!(
-                p.xy().coords.norm() < 3.6 && p.z.abs() < 2.03,
-                "{}: {p}",
-                model.name()
-            );
+            assert!(p.xy().coords.norm() < 3.6 && p.z.abs() < 2.03, "{}: {p}", model.name());
         }
     }
 }
@@ -74,10 +59,7 @@ fn the_teapot_has_the_published_size_and_joined_seams() {
     let uses = edge_uses(&teapot.mesh);
     let open = uses.values().filter(|(count, _)| *count == 1).count();
     assert!((80..250).contains(&open), "{open} open edges");
-    assert!(
-        uses.values()
-            .all(|&(count, balance)| count == 1 || (count, balance) == (2, 0))
-    );
+    assert!(uses.values().all(|&(count, balance)| count == 1 || (count, balance) == (2, 0)));
 }
 
 #[test]

@@ -15,11 +15,7 @@ pub struct ImageLimits {
 
 impl Default for ImageLimits {
     fn default() -> Self {
-        Self {
-            max_bytes: 32 << 20,
-            max_pixels: 64_000_000,
-            max_side_px: 16_384,
-        }
+        Self { max_bytes: 32 << 20, max_pixels: 64_000_000, max_side_px: 16_384 }
     }
 }
 
@@ -31,12 +27,7 @@ pub enum ImageError {
     #[error("is not a PNG, JPEG, WebP or TIFF image")]
     NotAnImage,
     #[error("is {width}x{height}, over the limit of {max_pixels} pixels and {max_side_px} a side")]
-    TooManyPixels {
-        width: u32,
-        height: u32,
-        max_pixels: u64,
-        max_side_px: u32,
-    },
+    TooManyPixels { width: u32, height: u32, max_pixels: u64, max_side_px: u32 },
     #[error("is damaged or truncated: {0}")]
     Damaged(String),
 }
@@ -58,19 +49,15 @@ pub struct Drawing {
 pub fn inspect(bytes: &[u8], limits: &ImageLimits) -> Result<(ImageFormat, u32, u32), ImageError> {
     let size = bytes.len() as u64;
     if size > limits.max_bytes {
-        return Err(ImageError::TooManyBytes {
-            bytes: size,
-            limit: limits.max_bytes,
-        });
+        return Err(ImageError::TooManyBytes { bytes: size, limit: limits.max_bytes });
     }
     let format = image::guess_format(bytes).map_err(|_| ImageError::NotAnImage)?;
     use ImageFormat::{Jpeg, Png, Tiff, WebP};
     if !matches!(format, Png | Jpeg | WebP | Tiff) {
         return Err(ImageError::NotAnImage);
     }
-    let (width, height) = ImageReader::with_format(Cursor::new(bytes), format)
-        .into_dimensions()
-        .map_err(damaged)?;
+    let (width, height) =
+        ImageReader::with_format(Cursor::new(bytes), format).into_dimensions().map_err(damaged)?;
     let pixels = u64::from(width) * u64::from(height);
     if pixels > limits.max_pixels || width.max(height) > limits.max_side_px {
         return Err(ImageError::TooManyPixels {
@@ -120,9 +107,7 @@ fn flatten(image: &DynamicImage) -> Drawing {
     });
     let transparent = rgba.pixels().any(|pixel| pixel.0[3] < 255);
     let alpha = transparent.then(|| {
-        GrayImage::from_fn(width, height, |x, y| {
-            image::Luma([rgba.get_pixel(x, y).0[3]])
-        })
+        GrayImage::from_fn(width, height, |x, y| image::Luma([rgba.get_pixel(x, y).0[3]]))
     });
     Drawing { gray, alpha }
 }
@@ -151,18 +136,9 @@ mod tests {
 
     #[test]
     fn grey_png_comes_back_as_it_is() {
-        let drawing = decode(
-            &encode(gradient(), ImageFormat::Png),
-            &ImageLimits::default(),
-        )
-        .unwrap();
-        assert_eq!(
-            drawing,
-            Drawing {
-                gray: gradient(),
-                alpha: None
-            }
-        );
+        let drawing =
+            decode(&encode(gradient(), ImageFormat::Png), &ImageLimits::default()).unwrap();
+        assert_eq!(drawing, Drawing { gray: gradient(), alpha: None });
     }
 
     #[test]
@@ -181,47 +157,23 @@ mod tests {
     #[test]
     fn size_is_refused_from_the_header() {
         let png = encode(gradient(), ImageFormat::Png);
-        let limits = ImageLimits {
-            max_pixels: 639,
-            ..ImageLimits::default()
-        };
+        let limits = ImageLimits { max_pixels: 639, ..ImageLimits::default() };
         let error = decode(&png[..64], &limits).unwrap_err();
         assert!(
-            matches!(
-                error,
-                ImageError::TooManyPixels {
-                    width: 32,
-                    height: 20,
-                    ..
-                }
-            ),
+            matches!(error, ImageError::TooManyPixels { width: 32, height: 20, .. }),
             "{error}"
         );
-        let limits = ImageLimits {
-            max_bytes: 10,
-            ..ImageLimits::default()
-        };
-        assert!(matches!(
-            decode(&png, &limits),
-            Err(ImageError::TooManyBytes { .. })
-        ));
+        let limits = ImageLimits { max_bytes: 10, ..ImageLimits::default() };
+        assert!(matches!(decode(&png, &limits), Err(ImageError::TooManyBytes { .. })));
     }
 
     #[test]
     fn cut_files_are_damaged_whatever_the_format() {
-        for format in [
-            ImageFormat::Png,
-            ImageFormat::Jpeg,
-            ImageFormat::WebP,
-            ImageFormat::Tiff,
-        ] {
+        for format in [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::WebP, ImageFormat::Tiff] {
             let bytes = encode(gradient(), format);
             decode(&bytes, &ImageLimits::default()).unwrap();
             let error = decode(&bytes[..bytes.len() / 2], &ImageLimits::default()).unwrap_err();
-            assert!(
-                matches!(error, ImageError::Damaged(_)),
-                "{format:?}: {error}"
-            );
+            assert!(matches!(error, ImageError::Damaged(_)), "{format:?}: {error}");
         }
     }
 
@@ -229,9 +181,6 @@ mod tests {
     fn text_is_not_an_image() {
         let error = decode(b"<svg></svg>", &ImageLimits::default()).unwrap_err();
         assert_eq!(error, ImageError::NotAnImage);
-        assert_eq!(
-            decode(b"", &ImageLimits::default()).unwrap_err(),
-            ImageError::NotAnImage
-        );
+        assert_eq!(decode(b"", &ImageLimits::default()).unwrap_err(), ImageError::NotAnImage);
     }
 }

@@ -28,13 +28,7 @@ fn open_edges(triangles: &[[Vertex; 3]]) -> Vec<(Vertex, Vertex, i64)> {
     let mut edges: Vec<(Vertex, Vertex, i64)> = triangles
         .iter()
         .flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)])
-        .map(|(from, to)| {
-            if from < to {
-                (from, to, 1)
-            } else {
-                (to, from, -1)
-            }
-        })
+        .map(|(from, to)| if from < to { (from, to, 1) } else { (to, from, -1) })
         .collect();
     edges.sort_unstable();
     edges
@@ -90,7 +84,5 @@ fn apexes(open: &[(Vertex, Vertex, i64)], groups: &[usize]) -> Vec<Vertex> {
         }
         *ends += 2;
     }
-    sums.into_iter()
-        .map(|(sum, ends)| sum.map(|value| (value / ends) as i32))
-        .collect()
+    sums.into_iter().map(|(sum, ends)| sum.map(|value| (value / ends) as i32)).collect()
 }

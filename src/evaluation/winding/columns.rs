@@ -40,12 +40,7 @@ impl Columns {
         while bins_a_side > 1 && entries(&triangles, bins_a_side) > allowed {
             bins_a_side /= 2;
         }
-        let mut columns = Self {
-            triangles,
-            bins_a_side,
-            starts: Vec::new(),
-            members: Vec::new(),
-        };
+        let mut columns = Self { triangles, bins_a_side, starts: Vec::new(), members: Vec::new() };
         columns.fill_bins();
         columns
     }
@@ -98,10 +93,7 @@ fn bin_of(coordinate: i32, bins_a_side: usize) -> usize {
 /// The first and last bin on one axis.
 fn bin_range(triangle: &[Vertex; 3], axis: usize, bins_a_side: usize) -> (usize, usize) {
     let [a, b, c] = triangle.map(|vertex| vertex[axis]);
-    (
-        bin_of(a.min(b).min(c), bins_a_side),
-        bin_of(a.max(b).max(c), bins_a_side),
-    )
+    (bin_of(a.min(b).min(c), bins_a_side), bin_of(a.max(b).max(c), bins_a_side))
 }
 
 fn covered_bins(triangle: &[Vertex; 3], side: usize) -> impl Iterator<Item = usize> + use<> {
@@ -140,16 +132,8 @@ fn is_left(area: i64, a: [i32; 2], b: [i32; 2]) -> bool {
 
 fn crossing(triangle: &[Vertex; 3], foot: [i32; 2]) -> Option<Crossing> {
     let [a, b, c] = triangle.map(|vertex| [vertex[0], vertex[1]]);
-    let areas = [
-        doubled_area(b, c, foot),
-        doubled_area(c, a, foot),
-        doubled_area(a, b, foot),
-    ];
-    let left = [
-        is_left(areas[0], b, c),
-        is_left(areas[1], c, a),
-        is_left(areas[2], a, b),
-    ];
+    let areas = [doubled_area(b, c, foot), doubled_area(c, a, foot), doubled_area(a, b, foot)];
+    let left = [is_left(areas[0], b, c), is_left(areas[1], c, a), is_left(areas[2], a, b)];
     if left[0] != left[1] || left[1] != left[2] {
         return None;
     }
@@ -159,8 +143,5 @@ fn crossing(triangle: &[Vertex; 3], foot: [i32; 2]) -> Option<Crossing> {
         .zip(triangle)
         .map(|(&area, vertex)| area as f64 / total as f64 * f64::from(vertex[2]))
         .sum();
-    Some(Crossing {
-        z: weighed,
-        sign: if left[0] { 1 } else { -1 },
-    })
+    Some(Crossing { z: weighed, sign: if left[0] { 1 } else { -1 } })
 }

@@ -20,20 +20,12 @@ pub(super) struct Frame {
 impl Frame {
     /// `None` if `mesh` has no extent or none that is finite.
     pub(super) fn around(mesh: &Mesh) -> Option<Self> {
-        if mesh
-            .positions
-            .iter()
-            .flat_map(|p| p.iter())
-            .any(|value| !value.is_finite())
-        {
+        if mesh.positions.iter().flat_map(|p| p.iter()).any(|value| !value.is_finite()) {
             return None;
         }
         let (low, high) = mesh.bounds()?;
         let per_unit = 2.0 * f64::from(HALF_RANGE) / (high - low).max();
-        let frame = Self {
-            middle: nalgebra::center(&low, &high),
-            per_unit,
-        };
+        let frame = Self { middle: nalgebra::center(&low, &high), per_unit };
         (per_unit.is_normal() && frame.middle.iter().all(|value| value.is_finite()))
             .then_some(frame)
     }
@@ -46,10 +38,7 @@ impl Frame {
     pub(super) fn vertex(&self, point: &Point3<f64>) -> Vertex {
         let limit = f64::from(HALF_RANGE);
         // Within the range but for rounding.
-        self.local(point)
-            .coords
-            .map(|value| value.round().clamp(-limit, limit) as i32)
-            .into()
+        self.local(point).coords.map(|value| value.round().clamp(-limit, limit) as i32).into()
     }
 }
 

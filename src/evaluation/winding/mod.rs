@@ -39,12 +39,7 @@ impl WindingField {
     /// makes them equal.
     pub fn new(mesh: &Mesh) -> Option<Self> {
         let count = mesh.positions.len();
-        if mesh
-            .triangles
-            .iter()
-            .flatten()
-            .any(|&vertex| vertex as usize >= count)
-        {
+        if mesh.triangles.iter().flatten().any(|&vertex| vertex as usize >= count) {
             return None;
         }
         let frame = Frame::around(mesh)?;
@@ -85,9 +80,7 @@ impl WindingField {
         let local = |z: f64| self.frame.local(&Point3::new(x, y, z));
         let foot = local(0.0);
         let crossings = self.closed.crossings(foot.x, foot.y);
-        zs.iter()
-            .map(|&z| self.at_local(&crossings, &local(z)))
-            .collect()
+        zs.iter().map(|&z| self.at_local(&crossings, &local(z))).collect()
     }
 
     fn at_local(&self, crossings: &[columns::Crossing], point: &Point3<f64>) -> f64 {
@@ -120,10 +113,7 @@ mod tests {
         for _ in 0..500 {
             let point = Point3::from(std::array::from_fn(|_| random.random_range(-1.6..1.6)));
             let expected = by_definition(mesh, &point);
-            assert!(
-                (field.at(&point) - expected).abs() < tolerance,
-                "{point}: {expected}"
-            );
+            assert!((field.at(&point) - expected).abs() < tolerance, "{point}: {expected}");
         }
     }
 
@@ -134,12 +124,7 @@ mod tests {
         for point in [[0.0; 3], [0.99, -0.99, 0.5], [0.0, 0.0, -0.999]] {
             assert_eq!(field.at(&Point3::from(point)), 1.0);
         }
-        for point in [
-            [1.01, 0.0, 0.0],
-            [0.0, 0.0, -1.01],
-            [0.0, 0.0, 50.0],
-            [1e9, 0.0, 0.0],
-        ] {
+        for point in [[1.01, 0.0, 0.0], [0.0, 0.0, -1.01], [0.0, 0.0, 50.0], [1e9, 0.0, 0.0]] {
             assert_eq!(field.at(&Point3::from(point)), 0.0);
         }
     }
@@ -161,9 +146,7 @@ mod tests {
     #[test]
     fn an_inverted_mesh_counts_backwards_but_is_solid() {
         let mut mesh = cuboid([-1.0; 3], [1.0; 3]);
-        mesh.triangles
-            .iter_mut()
-            .for_each(|triangle| triangle.swap(1, 2));
+        mesh.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
         let field = WindingField::new(&mesh).unwrap();
         assert_eq!(field.at(&Point3::origin()), -1.0);
         assert!(field.is_inside(&Point3::origin()));
@@ -203,8 +186,7 @@ mod tests {
         for (index, triangle) in whole.triangles.iter().enumerate() {
             let first = soup.positions.len() as u32;
             let nudge = nalgebra::Vector3::repeat(1e-3 * (index % 7) as f64);
-            soup.positions
-                .extend(triangle.map(|v| whole.positions[v as usize] + nudge));
+            soup.positions.extend(triangle.map(|v| whole.positions[v as usize] + nudge));
             soup.triangles.push([first, first + 1, first + 2]);
         }
         assert_agrees(&soup, 5e-3);
@@ -241,10 +223,7 @@ mod tests {
     #[test]
     fn unusable_meshes_are_refused() {
         assert!(WindingField::new(&Mesh::default()).is_none());
-        let at = |positions: Vec<Point3<f64>>| Mesh {
-            positions,
-            triangles: vec![[0, 1, 2]],
-        };
+        let at = |positions: Vec<Point3<f64>>| Mesh { positions, triangles: vec![[0, 1, 2]] };
         assert!(WindingField::new(&at(vec![Point3::origin(); 3])).is_none());
         assert!(
             WindingField::new(&at(vec![Point3::origin(), Point3::new(1.0, 0.0, 0.0)])).is_none()

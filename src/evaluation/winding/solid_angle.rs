@@ -51,10 +51,7 @@ impl SolidAngleTree {
     pub(super) fn new(triangles: &[[Vertex; 3]]) -> Self {
         let triangles: Vec<_> = triangles.iter().map(|t| t.map(position)).collect();
         let end = triangles.len();
-        let mut tree = Self {
-            triangles,
-            nodes: Vec::new(),
-        };
+        let mut tree = Self { triangles, nodes: Vec::new() };
         tree.build(0, end);
         tree
     }
@@ -67,17 +64,13 @@ impl SolidAngleTree {
             let middle = split(&mut self.triangles[first..end]) + first;
             Content::Halves(self.build(first, middle), self.build(middle, end))
         };
-        self.nodes
-            .push(Node::over(&self.triangles[first..end], content));
+        self.nodes.push(Node::over(&self.triangles[first..end], content));
         self.nodes.len() - 1
     }
 
     /// The winding number at `point`.
     pub(super) fn at(&self, point: &Point3<f64>) -> f64 {
-        self.nodes
-            .len()
-            .checked_sub(1)
-            .map_or(0.0, |root| self.at_node(root, point))
+        self.nodes.len().checked_sub(1).map_or(0.0, |root| self.at_node(root, point))
     }
 
     fn at_node(&self, node: usize, point: &Point3<f64>) -> f64 {
@@ -125,20 +118,10 @@ impl Node {
             total += vector.norm();
             sum += middle * vector.norm();
         }
-        let first = triangles
-            .first()
-            .map_or(Vector3::zeros(), |triangle| triangle[0].coords);
+        let first = triangles.first().map_or(Vector3::zeros(), |triangle| triangle[0].coords);
         let centre = Point3::from(if total > 0.0 { sum / total } else { first });
-        let radius = triangles
-            .iter()
-            .flatten()
-            .map(|corner| (corner - centre).norm())
-            .fold(0.0, f64::max);
-        Self {
-            centre,
-            radius,
-            area,
-            content,
-        }
+        let radius =
+            triangles.iter().flatten().map(|corner| (corner - centre).norm()).fold(0.0, f64::max);
+        Self { centre, radius, area, content }
     }
 }

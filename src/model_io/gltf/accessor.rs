@@ -16,10 +16,7 @@ pub(super) fn read<const N: usize>(
 ) -> Result<Vec<[f64; N]>, ModelError> {
     let found = accessor.dimensions().multiplicity();
     if found != N {
-        return Err(invalid(
-            accessor,
-            format!("{found} components instead of {N}"),
-        ));
+        return Err(invalid(accessor, format!("{found} components instead of {N}")));
     }
     if N == 1 {
         limits.check_triangles(accessor.count() / 3)?;
@@ -62,11 +59,7 @@ fn decoded<const N: usize>(
         .and_then(|last| last.checked_add(layout.offset)?.checked_add(N * size))
         .filter(|&end| end <= bytes.len());
     if end.is_none() && layout.count > 0 {
-        let reason = format!(
-            "its {} elements do not fit {} bytes",
-            layout.count,
-            bytes.len()
-        );
+        let reason = format!("its {} elements do not fit {} bytes", layout.count, bytes.len());
         return Err(invalid(accessor, reason));
     }
     let element = |index: usize| {
@@ -104,27 +97,15 @@ fn substitute<const N: usize>(
         .offset()
         .checked_add(count.saturating_mul(index_size))
         .and_then(|end| positions.get(indices.offset()..end))
-        .ok_or_else(|| {
-            invalid(
-                accessor,
-                "its sparse indices end beyond their view".to_owned(),
-            )
-        })?;
-    let layout = Layout {
-        offset: sparse.values().offset(),
-        stride: accessor.size(),
-        count,
-    };
+        .ok_or_else(|| invalid(accessor, "its sparse indices end beyond their view".to_owned()))?;
+    let layout = Layout { offset: sparse.values().offset(), stride: accessor.size(), count };
     let values: Vec<[f64; N]> =
         decoded(accessor, container.view(&sparse.values().view())?, &layout)?;
     for (position, value) in positions.chunks_exact(index_size).zip(values) {
         let index = component_value(position, index_type, false) as usize;
         let count = elements.len();
         *elements.get_mut(index).ok_or_else(|| {
-            invalid(
-                accessor,
-                format!("sparse index {index} of {count} elements"),
-            )
+            invalid(accessor, format!("sparse index {index} of {count} elements"))
         })? = value;
     }
     Ok(())
@@ -151,11 +132,7 @@ fn component_value(bytes: &[u8], data_type: DataType, normalized: bool) -> f64 {
         DataType::U32 => (f64::from(u32::from_le_bytes(four)), f64::from(u32::MAX)),
         DataType::F32 => return f64::from(f32::from_le_bytes(four)),
     };
-    if normalized {
-        (value / largest).max(-1.0)
-    } else {
-        value
-    }
+    if normalized { (value / largest).max(-1.0) } else { value }
 }
 
 fn invalid(accessor: &Accessor<'_>, reason: String) -> ModelError {

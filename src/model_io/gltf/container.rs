@@ -20,13 +20,8 @@ const GLB_MAGIC: &[u8] = b"glTF";
 const GLB_HEADER_BYTES: usize = 12;
 
 /// Required extensions that say nothing about where the surface is.
-const IRRELEVANT_EXTENSIONS: [&str; 5] = [
-    "KHR_materials_",
-    "KHR_texture_",
-    "KHR_mesh_quantization",
-    "EXT_texture_",
-    "KHR_lights_",
-];
+const IRRELEVANT_EXTENSIONS: [&str; 5] =
+    ["KHR_materials_", "KHR_texture_", "KHR_mesh_quantization", "EXT_texture_", "KHR_lights_"];
 
 impl<'a> Container<'a> {
     pub fn open(bytes: &'a [u8]) -> Result<Self, ModelError> {
@@ -38,10 +33,7 @@ impl<'a> Container<'a> {
         let required = std::mem::take(&mut root.extensions_required);
         let irrelevant = |name: &str| IRRELEVANT_EXTENSIONS.iter().any(|i| name.starts_with(i));
         if let Some(needed) = required.iter().find(|name| !irrelevant(name)) {
-            return Err(ModelError::unsupported(
-                FORMAT,
-                format!("extension {needed}"),
-            ));
+            return Err(ModelError::unsupported(FORMAT, format!("extension {needed}")));
         }
         let document = Document::from_json(root).map_err(|e| malformed(&e))?;
         let buffers = document
@@ -55,15 +47,14 @@ impl<'a> Container<'a> {
     pub fn view(&self, view: &::gltf::buffer::View<'_>) -> Result<&[u8], ModelError> {
         let buffer = &self.buffers[view.buffer().index()];
         let end = view.offset().checked_add(view.length());
-        end.and_then(|end| buffer.get(view.offset()..end))
-            .ok_or_else(|| {
-                let reason = format!(
-                    "buffer view {} ends beyond its buffer of {} bytes",
-                    view.index(),
-                    buffer.len()
-                );
-                ModelError::malformed(FORMAT, reason)
-            })
+        end.and_then(|end| buffer.get(view.offset()..end)).ok_or_else(|| {
+            let reason = format!(
+                "buffer view {} ends beyond its buffer of {} bytes",
+                view.index(),
+                buffer.len()
+            );
+            ModelError::malformed(FORMAT, reason)
+        })
     }
 }
 
@@ -75,9 +66,7 @@ fn split(bytes: &[u8]) -> Result<Chunks<'_>, ModelError> {
         return Ok((Cow::Borrowed(bytes), None));
     }
     // The parser subtracts the header's length without a look.
-    let length = bytes
-        .get(8..GLB_HEADER_BYTES)
-        .and_then(|b| b.try_into().ok());
+    let length = bytes.get(8..GLB_HEADER_BYTES).and_then(|b| b.try_into().ok());
     let length = length.map_or(0, u32::from_le_bytes) as usize;
     if length < GLB_HEADER_BYTES {
         let reason = format!("a binary file of {length} bytes by its header");
@@ -103,11 +92,6 @@ fn embedded(uri: &str) -> Result<Vec<u8>, ModelError> {
     let encoded = uri
         .strip_prefix("data:")
         .and_then(|data| data.split_once(";base64,"))
-        .ok_or_else(|| ModelError::ExternalReference {
-            format: FORMAT,
-            uri: shortened(uri),
-        })?;
-    STANDARD
-        .decode(encoded.1)
-        .map_err(|error| ModelError::malformed(FORMAT, error))
+        .ok_or_else(|| ModelError::ExternalReference { format: FORMAT, uri: shortened(uri) })?;
+    STANDARD.decode(encoded.1).map_err(|error| ModelError::malformed(FORMAT, error))
 }

@@ -22,11 +22,8 @@ const MAX_DEPTH: usize = 256;
 pub(super) fn read(bytes: &[u8], limits: &Limits) -> Result<Soup, ModelError> {
     let container = Container::open(bytes)?;
     let document = &container.document;
-    let mut walk = Walk {
-        container: &container,
-        limits,
-        world_from_node: vec![None; document.nodes().len()],
-    };
+    let mut walk =
+        Walk { container: &container, limits, world_from_node: vec![None; document.nodes().len()] };
     for root in roots(document) {
         walk.place(&root, Matrix4::identity(), 0)?;
     }
@@ -34,19 +31,14 @@ pub(super) fn read(bytes: &[u8], limits: &Limits) -> Result<Soup, ModelError> {
 }
 
 fn roots(document: &Document) -> Vec<Node<'_>> {
-    let scene = document
-        .default_scene()
-        .or_else(|| document.scenes().next());
+    let scene = document.default_scene().or_else(|| document.scenes().next());
     match scene {
         Some(scene) => scene.nodes().collect(),
         None => {
             let mut is_child = vec![false; document.nodes().len()];
             let children = document.nodes().flat_map(|node| node.children());
             children.for_each(|child| is_child[child.index()] = true);
-            document
-                .nodes()
-                .filter(|node| !is_child[node.index()])
-                .collect()
+            document.nodes().filter(|node| !is_child[node.index()]).collect()
         }
     }
 }
@@ -73,10 +65,7 @@ impl Walk<'_> {
         }
         let parent_from_node = Matrix4::from(node.transform().matrix()).map(f64::from);
         let world_from_node = world_from_parent * parent_from_node;
-        if self.world_from_node[node.index()]
-            .replace(world_from_node)
-            .is_some()
-        {
+        if self.world_from_node[node.index()].replace(world_from_node).is_some() {
             let reason = format!("node {} has more than one parent", node.index());
             return Err(ModelError::malformed(FORMAT, reason));
         }

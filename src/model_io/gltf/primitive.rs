@@ -45,14 +45,9 @@ pub(super) fn push_primitive(
         None => None,
     };
     let first = soup.positions.len() as u32;
-    let material = primitive
-        .material()
-        .index()
-        .map_or(0, |index| index as u32 + 1);
+    let material = primitive.material().index().map_or(0, |index| index as u32 + 1);
     for (index, &position) in positions.iter().enumerate() {
-        let point = transforms
-            .of(index)
-            .transform_point(&Point3::from(position));
+        let point = transforms.of(index).transform_point(&Point3::from(position));
         soup.positions.push(point.coords);
         soup.parts.push(place.part);
     }
@@ -66,16 +61,14 @@ pub(super) fn push_primitive(
             });
         }
         let [a, b, c] = triangle.map(|v| v + first);
-        soup.triangles
-            .push(if mirrored { [a, c, b] } else { [a, b, c] });
+        soup.triangles.push(if mirrored { [a, c, b] } else { [a, b, c] });
         soup.materials.push(material);
-        soup.corner_normals
-            .push(normals.as_ref().and_then(|normals| {
-                let normal = |v: u32| normals.get(v as usize).copied();
-                let [a, b, c] = triangle;
-                let (b, c) = if mirrored { (c, b) } else { (b, c) };
-                Some([normal(a)?, normal(b)?, normal(c)?])
-            }));
+        soup.corner_normals.push(normals.as_ref().and_then(|normals| {
+            let normal = |v: u32| normals.get(v as usize).copied();
+            let [a, b, c] = triangle;
+            let (b, c) = if mirrored { (c, b) } else { (b, c) };
+            Some([normal(a)?, normal(b)?, normal(c)?])
+        }));
     }
     Ok(())
 }
@@ -100,11 +93,7 @@ fn corners(
             let windows = indices.windows(3).enumerate();
             // Every other triangle of a strip runs the other way round.
             let turned = |(index, w): (usize, &[u32])| {
-                if index % 2 == 0 {
-                    [w[0], w[1], w[2]]
-                } else {
-                    [w[1], w[0], w[2]]
-                }
+                if index % 2 == 0 { [w[0], w[1], w[2]] } else { [w[1], w[0], w[2]] }
             };
             windows.map(turned).collect()
         }
@@ -132,10 +121,9 @@ impl Transforms {
     fn of(&self, vertex: usize) -> Matrix4<f64> {
         match self {
             Self::Same(transform) => *transform,
-            Self::Each(transforms) => transforms
-                .get(vertex)
-                .copied()
-                .unwrap_or_else(Matrix4::identity),
+            Self::Each(transforms) => {
+                transforms.get(vertex).copied().unwrap_or_else(Matrix4::identity)
+            }
         }
     }
 }
@@ -147,21 +135,15 @@ fn transforms(
     container: &Container<'_>,
     limits: &Limits,
 ) -> Result<Transforms, ModelError> {
-    let influences = (
-        place.joints,
-        primitive.get(&Semantic::Joints(0)),
-        primitive.get(&Semantic::Weights(0)),
-    );
+    let influences =
+        (place.joints, primitive.get(&Semantic::Joints(0)), primitive.get(&Semantic::Weights(0)));
     let (Some(joints), Some(indices), Some(weights)) = influences else {
         return Ok(Transforms::Same(place.world_from_node));
     };
     let indices = accessor::read::<4>(&indices, container, limits)?;
     let weights = accessor::read::<4>(&weights, container, limits)?;
     if indices.len() < vertices || weights.len() < vertices {
-        return Err(ModelError::malformed(
-            FORMAT,
-            "a skin with too few joints or weights",
-        ));
+        return Err(ModelError::malformed(FORMAT, "a skin with too few joints or weights"));
     }
     let blended = |(indices, weights): (&[f64; 4], &[f64; 4])| {
         let total: f64 = weights.iter().sum();
@@ -186,15 +168,12 @@ fn transforms(
 fn placed_normals(normals: &[[f64; 3]], transforms: &Transforms) -> Vec<Vector3<f64>> {
     let normal_matrix = |transform: Matrix4<f64>| -> Matrix3<f64> {
         let linear = transform.fixed_view::<3, 3>(0, 0).into_owned();
-        linear
-            .try_inverse()
-            .map_or(linear, |inverse| inverse.transpose())
+        linear.try_inverse().map_or(linear, |inverse| inverse.transpose())
     };
     if let Transforms::Same(transform) = transforms {
         let matrix = normal_matrix(*transform);
         return normals.iter().map(|&n| matrix * Vector3::from(n)).collect();
     }
     let each = normals.iter().enumerate();
-    each.map(|(index, &n)| normal_matrix(transforms.of(index)) * Vector3::from(n))
-        .collect()
+    each.map(|(index, &n)| normal_matrix(transforms.of(index)) * Vector3::from(n)).collect()
 }

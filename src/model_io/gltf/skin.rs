@@ -16,11 +16,8 @@ pub(super) fn world_from_bind(
 ) -> Result<Vec<Matrix4<f64>>, ModelError> {
     let node_from_bind = match skin.inverse_bind_matrices() {
         Some(matrices) if matrices.count() < skin.joints().len() => {
-            let reason = format!(
-                "{} bind matrices of {} joints",
-                matrices.count(),
-                skin.joints().len()
-            );
+            let reason =
+                format!("{} bind matrices of {} joints", matrices.count(), skin.joints().len());
             return Err(ModelError::malformed(FORMAT, reason));
         }
         Some(matrices) => accessor::read::<16>(&matrices, container, limits)?,

@@ -32,10 +32,7 @@ pub(super) fn describe(
             let (right, down) = (f64::from(right) * weight, f64::from(down) * weight);
             let (dx, dy) = (right * cos + down * sin, down * cos - right * sin);
             let field = 4 * (row / SAMPLES * FIELDS + column / SAMPLES);
-            for (value, sum) in [dx, dy, dx.abs(), dy.abs()]
-                .iter()
-                .zip(&mut descriptor[field..])
-            {
+            for (value, sum) in [dx, dy, dx.abs(), dy.abs()].iter().zip(&mut descriptor[field..]) {
                 *sum += value;
             }
         }
@@ -49,16 +46,6 @@ fn from_middle(sample: usize) -> f64 {
 }
 
 fn unit_length(descriptor: &[f64; DESCRIPTOR_LENGTH]) -> [f32; DESCRIPTOR_LENGTH] {
-    let length = descriptor
-        .iter()
-        .map(|value| value * value)
-        .sum::<f64>()
-        .sqrt();
-    descriptor.map(|value| {
-        if length > 0.0 {
-            (value / length) as f32
-        } else {
-            0.0
-        }
-    })
+    let length = descriptor.iter().map(|value| value * value).sum::<f64>().sqrt();
+    descriptor.map(|value| if length > 0.0 { (value / length) as f32 } else { 0.0 })
 }

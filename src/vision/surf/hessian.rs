@@ -12,12 +12,8 @@ type FilterBox = (i64, i64, i64, i64, f32);
 
 const D_XX: [FilterBox; 3] = [(0, 2, 3, 7, 1.0), (3, 2, 6, 7, -2.0), (6, 2, 9, 7, 1.0)];
 const D_YY: [FilterBox; 3] = [(2, 0, 7, 3, 1.0), (2, 3, 7, 6, -2.0), (2, 6, 7, 9, 1.0)];
-const D_XY: [FilterBox; 4] = [
-    (1, 1, 4, 4, 1.0),
-    (5, 1, 8, 4, -1.0),
-    (1, 5, 4, 8, -1.0),
-    (5, 5, 8, 8, 1.0),
-];
+const D_XY: [FilterBox; 4] =
+    [(1, 1, 4, 4, 1.0), (5, 1, 8, 4, -1.0), (1, 5, 4, 8, -1.0), (5, 5, 8, 8, 1.0)];
 
 /// Balances Dxy for being approximated by boxes: 0.9² (Bay et al., §3.2).
 const D_XY_WEIGHT: f32 = 0.81;
@@ -79,10 +75,7 @@ impl Layer {
     }
 
     fn corner(&self, column: i64, row: i64) -> (i64, i64) {
-        (
-            (column - self.margin) * self.step,
-            (row - self.margin) * self.step,
-        )
+        ((column - self.margin) * self.step, (row - self.margin) * self.step)
     }
 
     fn at(&self, column: i64, row: i64) -> f32 {
@@ -118,9 +111,7 @@ pub(super) fn blobs(integral: &IntegralImage, options: &SurfOptions) -> Vec<Surf
     keypoints.sort_by(|one, other| {
         let place = |k: &SurfKeypoint| [k.size, k.y, k.x];
         other.response.total_cmp(&one.response).then_with(|| {
-            place(one)
-                .partial_cmp(&place(other))
-                .unwrap_or(std::cmp::Ordering::Equal)
+            place(one).partial_cmp(&place(other)).unwrap_or(std::cmp::Ordering::Equal)
         })
     });
     keypoints
@@ -203,10 +194,7 @@ fn refine(at: impl Fn(i64, i64, i64) -> f64) -> Option<Vector3<f64>> {
     });
     let offset = hessian.lu().solve(&-gradient)?;
     // Also false where a neighbour had no value.
-    offset
-        .iter()
-        .all(|value| value.abs() <= 1.0)
-        .then_some(offset)
+    offset.iter().all(|value| value.abs() <= 1.0).then_some(offset)
 }
 
 #[cfg(test)]

@@ -22,11 +22,7 @@ impl IntegralImage {
                 sums[(y + 1) * stride + x + 1] = sums[y * stride + x + 1].wrapping_add(row_sum);
             }
         }
-        Self {
-            width: width as i64,
-            height: height as i64,
-            sums,
-        }
+        Self { width: width as i64, height: height as i64, sums }
     }
 
     pub(super) fn width(&self) -> i64 {

@@ -39,12 +39,7 @@ pub struct SurfOptions {
 
 impl Default for SurfOptions {
     fn default() -> Self {
-        Self {
-            hessian_threshold: 1000.0,
-            octaves: 2,
-            octave_layers: 4,
-            upright: false,
-        }
+        Self { hessian_threshold: 1000.0, octaves: 2, octave_layers: 4, upright: false }
     }
 }
 
@@ -74,11 +69,7 @@ pub fn detect(image: &GrayImage, options: &SurfOptions) -> Vec<SurfKeypoint> {
     let integral = IntegralImage::new(image);
     let mut keypoints = hessian::blobs(&integral, options);
     keypoints.par_iter_mut().for_each(|keypoint| {
-        let angle = if options.upright {
-            0.0
-        } else {
-            orientation::angle_deg(&integral, keypoint)
-        };
+        let angle = if options.upright { 0.0 } else { orientation::angle_deg(&integral, keypoint) };
         keypoint.angle_deg = Some(angle);
     });
     keypoints
@@ -95,9 +86,8 @@ pub fn describe(image: &GrayImage, keypoints: &[SurfKeypoint]) -> Vec<[f32; DESC
     keypoints
         .par_iter()
         .map(|keypoint| {
-            let angle_deg = keypoint
-                .angle_deg
-                .unwrap_or_else(|| orientation::angle_deg(&integral, keypoint));
+            let angle_deg =
+                keypoint.angle_deg.unwrap_or_else(|| orientation::angle_deg(&integral, keypoint));
             descriptor::describe(&integral, keypoint, angle_deg)
         })
         .collect()
@@ -179,10 +169,7 @@ mod tests {
     }
 
     fn options() -> SurfOptions {
-        SurfOptions {
-            octaves: 3,
-            ..SurfOptions::default()
-        }
+        SurfOptions { octaves: 3, ..SurfOptions::default() }
     }
 
     fn place(keypoint: &SurfKeypoint) -> (f64, f64) {
@@ -238,19 +225,13 @@ mod tests {
     fn detection_repeats_under_rotation_and_scale() {
         let first = detect(&picture(0.0, 1.0), &options());
         assert!(first.len() >= 5, "{}", first.len());
-        for (angle_deg, magnification) in [
-            (17.0, 1.0),
-            (90.0, 1.0),
-            (200.0, 1.0),
-            (0.0, 1.3),
-            (40.0, 0.8),
-        ] {
+        for (angle_deg, magnification) in
+            [(17.0, 1.0), (90.0, 1.0), (200.0, 1.0), (0.0, 1.3), (40.0, 0.8)]
+        {
             let second = detect(&picture(angle_deg, magnification), &options());
             // What shrinks below the smallest filters cannot be found again.
-            let findable: Vec<_> = first
-                .iter()
-                .filter(|k| f64::from(k.size) * magnification >= 12.0)
-                .collect();
+            let findable: Vec<_> =
+                first.iter().filter(|k| f64::from(k.size) * magnification >= 12.0).collect();
             let repeated = findable
                 .iter()
                 .filter(|k| {
@@ -263,10 +244,7 @@ mod tests {
                 .count();
             let share = repeated as f64 / findable.len() as f64;
             let of = findable.len();
-            assert!(
-                of >= 5 && share >= 0.8,
-                "{angle_deg}° ×{magnification}: {repeated} of {of}"
-            );
+            assert!(of >= 5 && share >= 0.8, "{angle_deg}° ×{magnification}: {repeated} of {of}");
         }
     }
 
@@ -283,11 +261,7 @@ mod tests {
             for Shape { x, y, .. } in shapes() {
                 let one = nearest(&first, (x, y));
                 let square = |other: &[f32; 64]| -> f32 {
-                    other
-                        .iter()
-                        .zip(&descriptors[one])
-                        .map(|(a, b)| (a - b).powi(2))
-                        .sum()
+                    other.iter().zip(&descriptors[one]).map(|(a, b)| (a - b).powi(2)).sum()
                 };
                 let best = (0..others.len())
                     .filter(|&i| second[i].laplacian_sign == first[one].laplacian_sign)
@@ -331,43 +305,20 @@ mod tests {
             response: 0.0,
             laplacian_sign: 1,
         };
-        let odd = [
-            at(0.0, 0.0, 11.0),
-            at(255.0, 255.0, 1.0),
-            at(-50.0, 1e9, 7.0),
-            at(70.0, 80.0, 1e6),
-        ];
+        let odd =
+            [at(0.0, 0.0, 11.0), at(255.0, 255.0, 1.0), at(-50.0, 1e9, 7.0), at(70.0, 80.0, 1e6)];
         assert_eq!(describe(&image, &odd).len(), 4);
-        let nan = [
-            at(f32::NAN, 3.0, 5.0),
-            at(3.0, 3.0, f32::NAN),
-            at(3.0, 3.0, f32::INFINITY),
-        ];
-        assert!(
-            describe(&image, &nan)
-                .iter()
-                .flatten()
-                .all(|value| value.is_finite())
-        );
+        let nan = [at(f32::NAN, 3.0, 5.0), at(3.0, 3.0, f32::NAN), at(3.0, 3.0, f32::INFINITY)];
+        assert!(describe(&image, &nan).iter().flatten().all(|value| value.is_finite()));
         let found = detect(&image, &options())[0];
-        let cleared = SurfKeypoint {
-            angle_deg: None,
-            ..found
-        };
+        let cleared = SurfKeypoint { angle_deg: None, ..found };
         assert_eq!(describe(&image, &[found]), describe(&image, &[cleared]));
     }
 
     #[test]
     fn upright_points_point_right() {
-        let upright = SurfOptions {
-            upright: true,
-            ..options()
-        };
-        assert!(
-            detect(&picture(0.0, 1.0), &upright)
-                .iter()
-                .all(|k| k.angle_deg == Some(0.0))
-        );
+        let upright = SurfOptions { upright: true, ..options() };
+        assert!(detect(&picture(0.0, 1.0), &upright).iter().all(|k| k.angle_deg == Some(0.0)));
     }
 
     #[test]
@@ -375,17 +326,9 @@ mod tests {
         for (width, height) in [(0, 0), (1, 1), (8, 100), (9, 9), (300, 3)] {
             assert!(detect(&GrayImage::new(width, height), &options()).is_empty());
         }
-        let extreme = SurfOptions {
-            octaves: u32::MAX,
-            octave_layers: u32::MAX,
-            ..options()
-        };
+        let extreme = SurfOptions { octaves: u32::MAX, octave_layers: u32::MAX, ..options() };
         detect(&GrayImage::new(32, 32), &extreme);
-        let none = SurfOptions {
-            octaves: 0,
-            octave_layers: 0,
-            ..options()
-        };
+        let none = SurfOptions { octaves: 0, octave_layers: 0, ..options() };
         assert!(detect(&picture(0.0, 1.0), &none).is_empty());
     }
 
@@ -394,10 +337,7 @@ mod tests {
         let image = picture(10.0, 1.0);
         let found = detect(&image, &options());
         assert!(found.is_sorted_by(|one, other| one.response >= other.response));
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(3)
-            .build()
-            .unwrap();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
         assert_eq!(pool.install(|| detect(&image, &options())), found);
     }
 }

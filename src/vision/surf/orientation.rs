@@ -61,11 +61,7 @@ fn votes(integral: &IntegralImage, keypoint: &SurfKeypoint) -> Vec<Vote> {
             );
             let (x, y) = (f64::from(right) * weight, f64::from(down) * weight);
             if x != 0.0 || y != 0.0 {
-                votes.push(Vote {
-                    x,
-                    y,
-                    angle_deg: y.atan2(x).to_degrees(),
-                });
+                votes.push(Vote { x, y, angle_deg: y.atan2(x).to_degrees() });
             }
         }
     }
