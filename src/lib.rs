@@ -3,6 +3,7 @@
 //!
 //! `ARCHITECTURE.md` maps the modules and says which may use which.
 
+pub mod app;
 pub mod artifacts;
 pub mod draft;
 pub mod export;

@@ -2,6 +2,20 @@
 //!
 //! Stages are pure functions; only this module calls several of them.
 
+mod correspond;
+mod merge;
 mod observer;
+mod pair;
+mod pairs;
+mod reconstruct;
+mod report;
+mod tracker;
+mod variation;
 
+pub use correspond::{MatchedPoints, TryReport};
+pub use merge::{LinkOutcome, MergeLink, Merged};
 pub use observer::{Cancelled, Observer, Progress, Silent, Stage};
+pub use pair::{PairFailure, PairOutcome, PairResult, rectified_pair};
+pub use pairs::{PairName, SkippedPair};
+pub use reconstruct::{PipelineError, Reconstruction, ViewResult, check_size, reconstruct};
+pub use report::{HullReport, MeanMetrics, Metrics, PairMetrics, ValueRange, ViewMetrics, measure};

@@ -1,1 +1,49 @@
 //! Computer vision stages: pure functions from typed data to typed data.
+//!
+//! Pixel coordinates in this module are OpenCV's: the centre of the top left
+//! pixel is (0, 0). What is served to users adds a half (the sheet frame).
+//!
+//! OpenCV's own types stay inside; results do not depend on thread counts:
+//! OpenCV runs single-threaded and callers run pairs and views in parallel.
+
+mod cloud;
+mod combine;
+mod cv;
+mod disparity;
+mod epipolar;
+mod epipolar_metrics;
+mod features;
+mod hull;
+mod matching;
+mod rectification;
+mod rectification_metrics;
+mod similarity;
+
+pub use cloud::{PartneredMap, ViewCloud, affine_depth, inverse_depth};
+pub use combine::mean_map;
+pub use cv::OpenCvError;
+pub use disparity::{DisparityError, derectify, left_disparity, right_disparity, working_bytes};
+pub use epipolar::{EpipolarError, EpipolarGeometry, EstimatorRun, estimate_fundamental};
+pub use epipolar_metrics::{
+    OptimalCorrection, mean_distance, optimal_correction, reprojection_error_px2,
+    sampson_distance_px2, smallest_absolute_eigenvalue, symmetric_epipolar_distance_px2,
+};
+pub use features::{Descriptors, FeatureError, Features, Keypoint, detect_and_describe};
+pub use hull::{HullError, convex_hull, row_extremes};
+pub use matching::{Match, match_descriptors};
+pub use rectification::{Rectification, RectificationError, rectify, warp};
+pub use rectification_metrics::{PairDistortion, RectificationDistortion};
+pub use similarity::{SimilarityError, SimilarityFit, robust_similarity, umeyama};
+
+use image::{ImageBuffer, Luma};
+use nalgebra::Point2;
+
+/// One value a pixel; NaN where there is none.
+pub type FloatImage = ImageBuffer<Luma<f32>, Vec<f32>>;
+
+/// A pair of pixels said to show the same point of the subject.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Correspondence {
+    pub left: Point2<f64>,
+    pub right: Point2<f64>,
+}

@@ -40,7 +40,7 @@ impl Default for WorkerConfig {
             shutdown_grace: Duration::from_secs(30),
             poll_interval: Duration::from_secs(1),
             cancel_poll: Duration::from_millis(500),
-            reap_interval: Duration::from_secs(5),
+            reap_interval: Duration::from_secs(1),
             collect_interval: Duration::from_secs(600),
             collect_after: Duration::from_secs(3600),
             progress_interval: Duration::from_millis(100),

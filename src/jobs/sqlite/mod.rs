@@ -6,6 +6,7 @@
 mod rows;
 mod store;
 
+use std::fs::File;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
@@ -14,7 +15,7 @@ use sqlx::migrate::Migrator;
 use sqlx::sqlite::{
     SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous,
 };
-use sqlx::{Sqlite, SqliteConnection, Transaction};
+use sqlx::{Sqlite, Transaction};
 use tokio::sync::broadcast;
 
 use super::record::{Change, Record};
@@ -50,8 +51,10 @@ impl SqliteStore {
             .synchronous(SqliteSynchronous::Full)
             .foreign_keys(true)
             .busy_timeout(BUSY_TIMEOUT);
+        let lock = lock_beside(path).await?;
         let writer = pool(1).connect_with(options.clone()).await.map_err(backend)?;
-        migrate(&writer).await?;
+        MIGRATIONS.run(&writer).await.map_err(backend)?;
+        drop(lock);
         sync_directory_of(path).map_err(backend)?;
         let reading = options.pragma("query_only", "ON");
         let readers = pool(READERS).connect_with(reading).await.map_err(backend)?;
@@ -122,17 +125,23 @@ fn pool(connections: u32) -> SqlitePoolOptions {
         .test_before_acquire(false)
 }
 
-/// Several processes may start at once; the exclusive lock lets one migrate.
-async fn migrate(writer: &SqlitePool) -> Result<(), StoreError> {
-    let mut connection = writer.acquire().await.map_err(backend)?;
-    let connection: &mut SqliteConnection = &mut connection;
-    MIGRATIONS.run(connection).await.map_err(backend)
+/// Several processes may start at once; this lets one after the other set the
+/// journal mode and migrate, for SQLite would not wait for either.
+async fn lock_beside(path: &Path) -> Result<File, StoreError> {
+    let mut name = path.as_os_str().to_owned();
+    name.push(".lock");
+    let locking = tokio::task::spawn_blocking(move || {
+        let file = File::create(name)?;
+        file.lock()?;
+        std::io::Result::Ok(file)
+    });
+    locking.await.map_err(backend)?.map_err(backend)
 }
 
 /// Makes the file's name as durable as its content.
 fn sync_directory_of(path: &Path) -> std::io::Result<()> {
     let directory = path.parent().filter(|parent| !parent.as_os_str().is_empty());
-    std::fs::File::open(directory.unwrap_or(Path::new(".")))?.sync_all()
+    File::open(directory.unwrap_or(Path::new(".")))?.sync_all()
 }
 
 pub(super) fn backend<E: std::error::Error + Send + Sync + 'static>(error: E) -> StoreError {

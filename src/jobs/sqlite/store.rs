@@ -36,9 +36,23 @@ impl SqliteStore {
         .map_err(backend)
     }
 
+    /// A lease that is over, read without the write lock.
+    async fn has_expired(&self, now_ms: i64) -> Result<bool, StoreError> {
+        sqlx::query_scalar(
+            "SELECT EXISTS (SELECT 1 FROM jobs WHERE state = 'running' AND lease_until_ms <= ?1)",
+        )
+        .bind(now_ms)
+        .fetch_one(&self.readers)
+        .await
+        .map_err(backend)
+    }
+
     /// Ends one job whose lease is over. `false` if there is none.
     async fn reap_one(&self) -> Result<bool, StoreError> {
         let now = self.clock.now();
+        if !self.has_expired(now.as_millisecond()).await? {
+            return Ok(false);
+        }
         let mut transaction = self.begin().await?;
         let expired: Option<Record> = sqlx::query_as(
             "SELECT * FROM jobs WHERE state = 'running' AND lease_until_ms <= ?1

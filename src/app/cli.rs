@@ -1,0 +1,48 @@
+use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
+
+use super::config::{Config, ConfigArgs};
+use super::failure::Failure;
+use super::reconstruct::{self, ReconstructArgs};
+use super::{serve, telemetry};
+
+/// Turns a model sheet into depth maps, metrics and a 3D draft
+#[derive(Parser, Debug)]
+#[command(name = "turnaround", version, about, max_term_width = 100)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand, Debug)]
+enum Command {
+    /// Run the HTTP service and its workers
+    Serve(ConfigArgs),
+    /// Run workers alone, on the data folder of a service
+    Worker(ConfigArgs),
+    /// Reconstruct a sheet from local files, without a service
+    Reconstruct(ReconstructArgs),
+    /// Print the OpenAPI description of the service
+    Openapi,
+}
+
+/// Parses the command line and runs what it asks for.
+pub fn run() -> Result<(), Failure> {
+    let matches = Cli::command().get_matches();
+    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+    match cli.command {
+        Command::Serve(args) => serve::serve(&settings(args, &matches)?),
+        Command::Worker(args) => serve::worker(&settings(args, &matches)?),
+        Command::Reconstruct(args) => reconstruct::run(&args),
+        Command::Openapi => {
+            println!("{:#}", crate::http::openapi());
+            Ok(())
+        }
+    }
+}
+
+fn settings(args: ConfigArgs, matches: &ArgMatches) -> Result<Config, Failure> {
+    let (_, matches) = matches.subcommand().expect("clap requires a subcommand");
+    let config = args.resolve(matches).map_err(Failure::Usage)?;
+    telemetry::init(&config.log).map_err(Failure::Usage)?;
+    Ok(config)
+}

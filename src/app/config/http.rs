@@ -1,0 +1,32 @@
+use std::net::SocketAddr;
+
+use clap::Args;
+use serde::{Deserialize, Serialize};
+
+/// Where and how the service listens.
+#[derive(Args, Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[command(next_help_heading = "HTTP")]
+pub struct HttpConfig {
+    /// Address and port to listen on
+    #[arg(
+        long,
+        env = "TURNAROUND_LISTEN",
+        value_name = "ADDR:PORT",
+        default_value = "127.0.0.1:8080"
+    )]
+    pub listen: SocketAddr,
+    /// Origin that web pages may call from, repeatable; `*` for any
+    #[arg(long, env = "TURNAROUND_CORS_ORIGIN", value_name = "ORIGIN", value_delimiter = ',')]
+    pub cors_origin: Vec<String>,
+    /// Seconds a client has for sending a request's header
+    #[arg(long, env = "TURNAROUND_HEADER_TIMEOUT", value_name = "SECONDS", default_value_t = 10)]
+    pub header_timeout: u64,
+    /// Seconds a request's body may pause
+    #[arg(
+        long,
+        env = "TURNAROUND_BODY_IDLE_TIMEOUT",
+        value_name = "SECONDS",
+        default_value_t = 30
+    )]
+    pub body_idle_timeout: u64,
+}

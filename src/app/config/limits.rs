@@ -1,0 +1,46 @@
+use clap::Args;
+use serde::{Deserialize, Serialize};
+
+use crate::sheet::ImageLimits;
+
+/// What an upload may cost.
+#[derive(Args, Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[command(next_help_heading = "Limits")]
+pub struct LimitConfig {
+    /// Largest image file, MiB
+    #[arg(long, env = "TURNAROUND_MAX_IMAGE_MIB", value_name = "MIB", default_value_t = 32)]
+    pub max_image_mib: u64,
+    /// Most pixels of an image, megapixels
+    #[arg(
+        long,
+        env = "TURNAROUND_MAX_IMAGE_MEGAPIXELS",
+        value_name = "MEGAPIXELS",
+        default_value_t = 64
+    )]
+    pub max_image_megapixels: u64,
+    /// Largest width or height of an image, pixels
+    #[arg(
+        long,
+        env = "TURNAROUND_MAX_IMAGE_SIDE",
+        value_name = "PIXELS",
+        default_value_t = 16_384
+    )]
+    pub max_image_side: u32,
+    /// Most views of a sheet
+    #[arg(long, env = "TURNAROUND_MAX_VIEWS", value_name = "N", default_value_t = 64)]
+    pub max_views: usize,
+    /// Largest request body, MiB
+    #[arg(long, env = "TURNAROUND_MAX_BODY_MIB", value_name = "MIB", default_value_t = 256)]
+    pub max_body_mib: u64,
+}
+
+impl LimitConfig {
+    /// The limits of one picture.
+    pub fn image(&self) -> ImageLimits {
+        ImageLimits {
+            max_bytes: self.max_image_mib << 20,
+            max_pixels: self.max_image_megapixels * 1_000_000,
+            max_side_px: self.max_image_side,
+        }
+    }
+}

@@ -1,0 +1,26 @@
+use clap::Args;
+use serde::{Deserialize, Serialize};
+
+/// How jobs are run.
+#[derive(Args, Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[command(next_help_heading = "Workers")]
+pub struct WorkersConfig {
+    /// Jobs run at once
+    #[arg(long, env = "TURNAROUND_WORKERS", value_name = "N", default_value_t = 1)]
+    pub workers: usize,
+    /// Threads of each running job; 0 shares the processors among the workers
+    #[arg(long, env = "TURNAROUND_THREADS_PER_JOB", value_name = "N", default_value_t = 0)]
+    pub threads_per_job: usize,
+    /// Times a job is begun at most before it counts as failed
+    #[arg(long, env = "TURNAROUND_MAX_ATTEMPTS", value_name = "N", default_value_t = 3)]
+    pub max_attempts: u32,
+    /// Seconds until a silent worker's job is taken from it
+    #[arg(long, env = "TURNAROUND_LEASE", value_name = "SECONDS", default_value_t = 30)]
+    pub lease: u64,
+    /// Seconds between a worker's signs of life; well below the lease
+    #[arg(long, env = "TURNAROUND_HEARTBEAT", value_name = "SECONDS", default_value_t = 10)]
+    pub heartbeat: u64,
+    /// Seconds that running jobs have to finish when the service stops
+    #[arg(long, env = "TURNAROUND_SHUTDOWN_GRACE", value_name = "SECONDS", default_value_t = 30)]
+    pub shutdown_grace: u64,
+}

@@ -1,0 +1,24 @@
+//! The program: reads the command line, wires the parts, reports the outcome.
+//!
+//! Nothing else in the crate knows the command line, the environment or the
+//! settings file.
+
+mod azimuths;
+mod cli;
+mod config;
+mod failure;
+mod reconstruct;
+mod serve;
+mod telemetry;
+
+use std::process::ExitCode;
+
+/// Runs the command line of this process.
+///
+/// Exit status: 0 done, 1 the input is to blame, 2 usage, 3 internal.
+pub fn main() -> ExitCode {
+    match cli::run() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => failure.report(),
+    }
+}

@@ -1,0 +1,196 @@
+use std::collections::BTreeSet;
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::thread::available_parallelism;
+
+use anyhow::{Context, Result, anyhow, bail};
+use clap::Args;
+use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::{Value, json};
+
+use super::azimuths::Azimuths;
+use super::config::LimitConfig;
+use super::failure::Failure;
+use crate::draft::{self, DraftError, Summary};
+use crate::export::Artifact;
+use crate::options;
+use crate::pipeline::{Observer, Progress};
+use crate::sheet::{Azimuth, SheetDocument, ViewDocument};
+
+#[derive(Args, Debug)]
+pub struct ReconstructArgs {
+    /// Sheet document; its image names are relative to it
+    #[arg(required_unless_present = "view", conflicts_with = "view", value_name = "SHEET.json")]
+    sheet: Option<PathBuf>,
+    /// A drawing and its azimuth in degrees, such as 45=quarter.png; repeatable
+    #[arg(long, value_name = "AZIMUTH=FILE")]
+    view: Vec<String>,
+    /// The subject's mask in a view, such as 45=mask.png; repeatable
+    #[arg(long, value_name = "AZIMUTH=FILE")]
+    mask: Vec<String>,
+    /// Folder for the artifacts; made if missing
+    #[arg(short, long, value_name = "DIR")]
+    output: PathBuf,
+    /// Use only these views, degrees: 0,45,90 or FROM:TO:STEP
+    #[arg(long, value_name = "AZIMUTHS")]
+    azimuths: Option<Azimuths>,
+    /// How the sheet becomes a 3D draft; see GET /v1/options
+    #[arg(long)]
+    method: Option<String>,
+    /// An option by its dotted name, such as disparity.block_size=15; repeatable
+    #[arg(long, value_name = "OPTION=VALUE")]
+    set: Vec<String>,
+    /// Threads to compute with; 0 uses all processors
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    threads: usize,
+    #[command(flatten)]
+    limits: LimitConfig,
+}
+
+/// Reconstructs a sheet from local files and writes the artifacts to a folder.
+pub fn run(args: &ReconstructArgs) -> Result<(), Failure> {
+    let (mut document, base) = document(args).map_err(Failure::Input)?;
+    document.options = Some(chosen_options(args, document.options.take())?);
+    let threads = match args.threads {
+        0 => available_parallelism().map_or(1, usize::from),
+        threads => threads,
+    };
+    let read = |name: &str| fs::read(base.join(name)).map_err(|error| name_file(name, &error));
+    let bar = Bar::new();
+    let summary =
+        draft::produce(&document, &read, &args.limits.image(), threads, &bar, &mut |artifact| {
+            write(&args.output, &artifact)
+        });
+    bar.0.finish_and_clear();
+    report(&summary.map_err(classify)?, &args.output);
+    Ok(())
+}
+
+/// The sheet document and the folder its names are relative to.
+fn document(args: &ReconstructArgs) -> Result<(SheetDocument, PathBuf)> {
+    let (mut document, base) = match &args.sheet {
+        Some(path) => {
+            let text = fs::read_to_string(path).with_context(|| path.display().to_string())?;
+            let mut json = serde_json::Deserializer::from_str(&text);
+            let document: SheetDocument = serde_path_to_error::deserialize(&mut json)
+                .with_context(|| format!("{} is no sheet document", path.display()))?;
+            (document, path.parent().unwrap_or(Path::new("")).to_owned())
+        }
+        None => (SheetDocument { views: views(args)?, ..Default::default() }, PathBuf::new()),
+    };
+    for mask in &args.mask {
+        let (azimuth_deg, file) = azimuth_and_file(mask)?;
+        let azimuth = Azimuth::from_degrees(azimuth_deg)?;
+        let view = document.views.iter_mut().find(|view| at(view, azimuth));
+        view.with_context(|| format!("--mask {mask}: there is no view at {azimuth}"))?.mask =
+            Some(file);
+    }
+    if let Some(Azimuths(wanted)) = &args.azimuths {
+        for azimuth in wanted {
+            if !document.views.iter().any(|view| at(view, *azimuth)) {
+                bail!("--azimuths: the sheet has no view at {azimuth}");
+            }
+        }
+        document.views.retain(|view| wanted.iter().any(|azimuth| at(view, *azimuth)));
+    }
+    Ok((document, base))
+}
+
+fn at(view: &ViewDocument, azimuth: Azimuth) -> bool {
+    Azimuth::from_degrees(view.azimuth_deg) == Ok(azimuth)
+}
+
+fn views(args: &ReconstructArgs) -> Result<Vec<ViewDocument>> {
+    args.view
+        .iter()
+        .map(|view| {
+            let (azimuth_deg, image) = azimuth_and_file(view)?;
+            Ok(ViewDocument { image, azimuth_deg, ..Default::default() })
+        })
+        .collect()
+}
+
+fn azimuth_and_file(text: &str) -> Result<(f64, String)> {
+    let (azimuth, file) =
+        text.split_once('=').with_context(|| format!("{text:?} is not AZIMUTH=FILE"))?;
+    let azimuth_deg: f64 =
+        azimuth.trim().parse().map_err(|_| anyhow!("{azimuth:?} is no angle in degrees"))?;
+    Ok((azimuth_deg, file.to_owned()))
+}
+
+/// The sheet's own options with those of the command line laid over them.
+fn chosen_options(args: &ReconstructArgs, own: Option<Value>) -> Result<Value, Failure> {
+    let mut chosen = own.unwrap_or_else(|| json!({}));
+    if let Some(method) = &args.method {
+        options::merge(&mut chosen, json!({ "method": method }));
+    }
+    for setting in &args.set {
+        let (option, value) = setting
+            .split_once('=')
+            .ok_or_else(|| Failure::Usage(anyhow!("--set {setting}: not OPTION=VALUE")))?;
+        options::merge(&mut chosen, options::nested(option.trim(), value.trim()));
+    }
+    options::parse(&chosen).map_err(|problems| Failure::Input(anyhow!("options: {problems}")))?;
+    Ok(chosen)
+}
+
+fn name_file(name: &str, error: &io::Error) -> io::Error {
+    io::Error::new(error.kind(), format!("{name}: {error}"))
+}
+
+fn write(folder: &Path, artifact: &Artifact) -> io::Result<()> {
+    let path = folder.join(&artifact.name);
+    fs::create_dir_all(path.parent().expect("joined to a folder"))?;
+    fs::write(&path, &artifact.bytes).map_err(|error| name_file(&artifact.name, &error))
+}
+
+fn classify(error: DraftError) -> Failure {
+    match error {
+        DraftError::Input { code, detail } => Failure::Input(anyhow!("{code}: {detail}")),
+        DraftError::Io(error) if error.kind() == io::ErrorKind::NotFound => {
+            Failure::Input(error.into())
+        }
+        other => Failure::Internal(other.into()),
+    }
+}
+
+fn report(summary: &Summary, folder: &Path) {
+    for warning in summary.warnings.iter().collect::<BTreeSet<_>>() {
+        eprintln!("warning: {warning}");
+    }
+    println!(
+        "{} views, {} of {} pairs usable: {} artifacts in {}",
+        summary.views,
+        summary.usable_pairs,
+        summary.pairs,
+        summary.artifacts.len(),
+        folder.display()
+    );
+}
+
+/// A progress bar on the terminal; silent elsewhere.
+struct Bar(ProgressBar);
+
+impl Bar {
+    const STEPS: u64 = 1000;
+
+    fn new() -> Self {
+        let style = ProgressStyle::with_template("{bar:40} {percent:>3} % {msg}")
+            .expect("the template is valid");
+        Self(ProgressBar::new(Self::STEPS).with_style(style))
+    }
+}
+
+impl Observer for Bar {
+    fn progress(&self, progress: Progress) {
+        let stage = serde_json::to_value(progress.stage).unwrap_or_default();
+        let unit = progress.unit.as_deref().unwrap_or_default();
+        self.0.set_message(format!("{} {unit}", stage.as_str().unwrap_or_default()));
+        self.0.set_position((progress.fraction * Self::STEPS as f64) as u64);
+    }
+
+    fn is_cancelled(&self) -> bool {
+        false
+    }
+}

@@ -1,0 +1,143 @@
+//! Wires stores, workers and the HTTP interface into running services.
+
+use std::future::Future;
+use std::sync::Arc;
+use std::thread::available_parallelism;
+use std::time::Duration;
+
+use anyhow::{Context, Result};
+use tokio::net::TcpListener;
+use tokio::runtime::{Handle, Runtime};
+use tokio::signal::unix::{SignalKind, signal};
+use tokio_util::sync::CancellationToken;
+
+use super::config::{Config, HttpConfig, LimitConfig, WorkersConfig};
+use super::failure::Failure;
+use crate::artifacts::ByteStore;
+use crate::http::{self, ApiState, HttpLimits, ServerTimeouts};
+use crate::jobs::{JobStore, SqliteStore, SystemClock};
+use crate::worker::jobs::Reconstruct;
+use crate::worker::{Pool, Work, WorkerConfig};
+
+/// Runs the HTTP interface and the workers until SIGTERM or SIGINT.
+pub fn serve(config: &Config) -> Result<(), Failure> {
+    run(|runtime| serve_until_signal(config, runtime))
+}
+
+/// Runs workers alone until SIGTERM or SIGINT.
+pub fn worker(config: &Config) -> Result<(), Failure> {
+    run(|runtime| work_until_signal(config, runtime))
+}
+
+fn run<F: Future<Output = Result<()>>>(service: impl FnOnce(Handle) -> F) -> Result<(), Failure> {
+    let runtime =
+        Runtime::new().context("starting the async runtime").map_err(Failure::Internal)?;
+    runtime.block_on(service(runtime.handle().clone())).map_err(Failure::Internal)
+}
+
+async fn serve_until_signal(config: &Config, runtime: Handle) -> Result<()> {
+    let stores = Stores::open(config).await?;
+    let shutdown = CancellationToken::new();
+    let state = ApiState {
+        store: stores.jobs.clone(),
+        bytes: stores.bytes.clone(),
+        metrics: http::prometheus().context("recording metrics")?,
+        max_attempts: config.workers.max_attempts,
+        cors_origins: config.http.cors_origin.clone(),
+        shutdown: shutdown.clone(),
+    };
+    let router = http::router(state, &http_limits(&config.limits));
+    let listen = config.http.listen;
+    let listener =
+        TcpListener::bind(listen).await.with_context(|| format!("listening on {listen}"))?;
+    let pool = stores.start_workers(config, &runtime)?;
+    println!("listening on http://{}", listener.local_addr()?);
+    let timeouts = server_timeouts(&config.http);
+    let stopped = shutdown.clone();
+    let server =
+        tokio::spawn(async move { http::serve(listener, router, &timeouts, stopped).await });
+    stop_signal().await?;
+    // Status requests are answered until running jobs have come to rest.
+    pool.shutdown(Duration::from_secs(config.workers.shutdown_grace)).await;
+    shutdown.cancel();
+    server.await.context("the server")??;
+    Ok(())
+}
+
+async fn work_until_signal(config: &Config, runtime: Handle) -> Result<()> {
+    let pool = Stores::open(config).await?.start_workers(config, &runtime)?;
+    stop_signal().await?;
+    pool.shutdown(Duration::from_secs(config.workers.shutdown_grace)).await;
+    Ok(())
+}
+
+async fn stop_signal() -> Result<()> {
+    let mut terminate = signal(SignalKind::terminate())?;
+    let mut interrupt = signal(SignalKind::interrupt())?;
+    tokio::select! {
+        _ = terminate.recv() => tracing::info!("SIGTERM: stopping"),
+        _ = interrupt.recv() => tracing::info!("SIGINT: stopping"),
+    }
+    Ok(())
+}
+
+/// The embedded default: SQLite and a folder, both below the data folder.
+struct Stores {
+    jobs: Arc<dyn JobStore>,
+    bytes: ByteStore,
+}
+
+impl Stores {
+    async fn open(config: &Config) -> Result<Self> {
+        let folder = &config.storage.data_dir;
+        let within = || format!("in the data folder {}", folder.display());
+        let bytes_folder = folder.join("bytes");
+        std::fs::create_dir_all(&bytes_folder).with_context(within)?;
+        let jobs = SqliteStore::open(&folder.join("jobs.sqlite"), Arc::new(SystemClock))
+            .await
+            .with_context(within)?;
+        let bytes = ByteStore::local(&bytes_folder).with_context(within)?;
+        Ok(Self { jobs: Arc::new(jobs), bytes })
+    }
+
+    fn start_workers(&self, config: &Config, runtime: &Handle) -> Result<Pool> {
+        let works: Vec<Arc<dyn Work>> =
+            vec![Arc::new(Reconstruct { limits: config.limits.image() })];
+        let jobs = Arc::clone(&self.jobs);
+        Pool::start(worker_config(&config.workers), jobs, self.bytes.clone(), works, runtime)
+            .context("starting the workers")
+    }
+}
+
+fn worker_config(config: &WorkersConfig) -> WorkerConfig {
+    let processors = available_parallelism().map_or(1, usize::from);
+    let threads_per_job = match config.threads_per_job {
+        0 => (processors / config.workers.max(1)).max(1),
+        threads => threads,
+    };
+    WorkerConfig {
+        workers: config.workers,
+        threads_per_job,
+        lease: Duration::from_secs(config.lease),
+        heartbeat: Duration::from_secs(config.heartbeat),
+        shutdown_grace: Duration::from_secs(config.shutdown_grace),
+        ..WorkerConfig::default()
+    }
+}
+
+fn http_limits(config: &LimitConfig) -> HttpLimits {
+    HttpLimits {
+        image: config.image(),
+        max_body_bytes: config.max_body_mib << 20,
+        max_views: config.max_views,
+        ..HttpLimits::default()
+    }
+}
+
+fn server_timeouts(config: &HttpConfig) -> ServerTimeouts {
+    ServerTimeouts {
+        header_read: Duration::from_secs(config.header_timeout),
+        body_idle: Duration::from_secs(config.body_idle_timeout),
+        ..ServerTimeouts::default()
+    }
+}

@@ -1,0 +1,74 @@
+use std::io::{Cursor, Write};
+
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, DateTime, ZipWriter};
+
+use super::artifact::Artifact;
+use super::png::EncodeError;
+
+/// A zip archive that grows artifact by artifact. It holds no clock time, so the
+/// same artifacts in the same order are the same bytes.
+#[derive(Debug)]
+pub struct Bundle {
+    writer: ZipWriter<Cursor<Vec<u8>>>,
+}
+
+impl Default for Bundle {
+    fn default() -> Self {
+        Self { writer: ZipWriter::new(Cursor::new(Vec::new())) }
+    }
+}
+
+impl Bundle {
+    /// Adds a file; pictures, which are compressed already, are stored.
+    pub fn add(&mut self, artifact: &Artifact) -> Result<(), EncodeError> {
+        let options = SimpleFileOptions::default()
+            .last_modified_time(DateTime::default())
+            .large_file(artifact.bytes.len() > u32::MAX as usize)
+            .unix_permissions(0o644);
+        let options = if artifact.media_type == "image/png" {
+            options.compression_method(CompressionMethod::Stored)
+        } else {
+            // The fastest level: float maps and clouds hardly shrink more.
+            options.compression_method(CompressionMethod::Deflated).compression_level(Some(1))
+        };
+        self.writer
+            .start_file(artifact.name.as_str(), options)
+            .map_err(|error| EncodeError::new("the bundle", error))?;
+        self.writer
+            .write_all(&artifact.bytes)
+            .map_err(|error| EncodeError::new("the bundle", error))
+    }
+
+    /// The archive's bytes.
+    pub fn finish(self) -> Result<Vec<u8>, EncodeError> {
+        let cursor = self.writer.finish().map_err(|error| EncodeError::new("the bundle", error))?;
+        Ok(cursor.into_inner())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::export::ArtifactName;
+    use std::io::Read;
+
+    fn bundle() -> Vec<u8> {
+        let mut bundle = Bundle::default();
+        bundle.add(&Artifact::new(ArtifactName::Metrics, b"{}".to_vec())).unwrap();
+        bundle.add(&Artifact::new(ArtifactName::Thumbnail, vec![7; 1000])).unwrap();
+        bundle.finish().unwrap()
+    }
+
+    #[test]
+    fn files_come_back_and_bytes_repeat() {
+        let bytes = bundle();
+        assert_eq!(bytes, bundle());
+        let mut archive = zip::ZipArchive::new(Cursor::new(bytes)).unwrap();
+        assert_eq!(archive.len(), 2);
+        let mut file = archive.by_name("thumbnail.png").unwrap();
+        let mut content = Vec::new();
+        file.read_to_end(&mut content).unwrap();
+        assert_eq!(content, vec![7; 1000]);
+    }
+}

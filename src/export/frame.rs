@@ -1,0 +1,78 @@
+use nalgebra::{Point3, Vector3};
+
+use crate::options::{ExportOptions, Origin};
+
+/// From the turntable frame (Z up, sheet pixels) to the glTF frame (Y up, front
+/// facing +Z, metres).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ExportFrame {
+    pub metres_per_px: f64,
+    /// Height of the turntable frame's origin above the glTF frame's, px.
+    lift_px: f64,
+}
+
+impl ExportFrame {
+    /// * `bounds`: the subject's lowest and highest corner, turntable frame, px.
+    ///
+    /// A subject without height is not scaled to one: it keeps a pixel a
+    /// millimetre.
+    pub fn new(bounds: (Point3<f64>, Point3<f64>), options: &ExportOptions) -> Self {
+        let (low, high) = bounds;
+        let height_px = high.z - low.z;
+        let metres_per_px = match options.pixels_per_metre {
+            Some(pixels) => 1.0 / pixels,
+            None if height_px > 0.0 => options.height_m / height_px,
+            None => 1e-3,
+        };
+        let lift_px = match options.origin {
+            Origin::Feet => -low.z,
+            Origin::Axis => 0.0,
+        };
+        Self { metres_per_px, lift_px }
+    }
+
+    pub fn pixels_per_metre(&self) -> f64 {
+        1.0 / self.metres_per_px
+    }
+
+    /// (X, Y, Z) to (X, Z, -Y), lifted and scaled.
+    pub fn gltf_from_turntable(&self, point: &Point3<f64>) -> [f32; 3] {
+        let lifted = point + Vector3::z() * self.lift_px;
+        // Adding zero turns -0 into 0.
+        [lifted.x, lifted.z, -lifted.y].map(|value| (value * self.metres_per_px + 0.0) as f32)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bounds() -> (Point3<f64>, Point3<f64>) {
+        (Point3::new(-50.0, -20.0, -100.0), Point3::new(50.0, 20.0, 260.0))
+    }
+
+    #[test]
+    fn feet_stand_on_the_ground_and_the_front_faces_z() {
+        let frame = ExportFrame::new(bounds(), &ExportOptions::default());
+        assert_eq!(frame.gltf_from_turntable(&Point3::new(0.0, 0.0, -100.0)), [0.0, 0.0, 0.0]);
+        assert_eq!(frame.gltf_from_turntable(&Point3::new(0.0, -20.0, 260.0)), [0.0, 1.8, 0.1]);
+        assert_eq!(frame.pixels_per_metre(), 200.0);
+    }
+
+    #[test]
+    fn the_axis_stays_the_origin_when_asked() {
+        let options = ExportOptions {
+            pixels_per_metre: Some(100.0),
+            origin: Origin::Axis,
+            ..ExportOptions::default()
+        };
+        let frame = ExportFrame::new(bounds(), &options);
+        assert_eq!(frame.gltf_from_turntable(&Point3::new(50.0, 0.0, -100.0)), [0.5, -1.0, 0.0]);
+    }
+
+    #[test]
+    fn a_flat_subject_has_a_finite_scale() {
+        let flat = (Point3::origin(), Point3::new(1.0, 1.0, 0.0));
+        assert_eq!(ExportFrame::new(flat, &ExportOptions::default()).metres_per_px, 1e-3);
+    }
+}

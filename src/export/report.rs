@@ -1,0 +1,47 @@
+use serde::Serialize;
+
+use super::maps::DepthEncoding;
+use super::png::EncodeError;
+use crate::options::Options;
+use crate::pipeline::Metrics;
+
+/// A file that could have been and is not.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct AbsentArtifact {
+    pub name: String,
+    pub reason: String,
+}
+
+/// How to read a view's 16-bit depth picture.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct DepthPicture {
+    pub name: String,
+    #[serde(flatten)]
+    pub encoding: DepthEncoding,
+}
+
+/// The metrics artifact.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct MetricsDocument<'a> {
+    /// Of this program.
+    pub version: &'a str,
+    pub width_px: u32,
+    pub height_px: u32,
+    /// All of them, defaults filled in.
+    pub options: &'a Options,
+    #[serde(flatten)]
+    pub metrics: &'a Metrics,
+    /// Sheet pixels a metre of the exported meshes and clouds.
+    pub pixels_per_metre: Option<f64>,
+    /// `depth_px = offset_px + scale_px * value`; the value 0 is missing.
+    pub depth_pictures: Vec<DepthPicture>,
+    /// Names of the files made before this one.
+    pub artifacts: &'a [String],
+    pub absent_artifacts: &'a [AbsentArtifact],
+}
+
+impl MetricsDocument<'_> {
+    pub fn to_json(&self) -> Result<Vec<u8>, EncodeError> {
+        serde_json::to_vec_pretty(self).map_err(|error| EncodeError::new("metrics", error))
+    }
+}

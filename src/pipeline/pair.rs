@@ -1,0 +1,229 @@
+//! One pair of views, from matches to both disparity maps.
+
+use image::GrayImage;
+use serde::Serialize;
+
+use super::Cancelled;
+use super::correspond::{Correspondences, MatchedPoints, TryReport, ViewFeatures, correspond};
+use super::pairs::{PairName, PlannedPair};
+use super::tracker::Tracker;
+use crate::options::{DisparityOptions, Options};
+use crate::sheet::View;
+use crate::vision::{
+    self, Correspondence, DisparityError, EpipolarError, EpipolarGeometry, FeatureError,
+    FloatImage, OpenCvError, Rectification, RectificationError,
+};
+
+/// Steps a pair reports: correspondences, rectification, two maps, the way back.
+pub(super) const STEPS: usize = 5;
+
+/// The stage a pair failed at, and how.
+#[derive(Clone, Debug, PartialEq, Serialize, thiserror::Error)]
+#[serde(tag = "stage", rename_all = "snake_case")]
+pub enum PairFailure {
+    #[error("features: {0}")]
+    Features(FeatureError),
+    #[error("matching: {0}")]
+    Matching(OpenCvError),
+    #[error("epipolar geometry: {0}")]
+    EpipolarGeometry(EpipolarError),
+    #[error("rectification: {0}")]
+    Rectification(#[from] RectificationError),
+    #[error("disparity: {0}")]
+    Disparity(#[from] DisparityError),
+}
+
+/// What became of a pair.
+#[derive(Clone, Debug, PartialEq)]
+pub enum PairOutcome {
+    /// Both disparity maps were made.
+    Usable { geometry: EpipolarGeometry, rectification: Rectification },
+    /// It has none; the geometry if the pair came that far.
+    Failed { failure: PairFailure, geometry: Option<EpipolarGeometry> },
+}
+
+/// A pair's result, in OpenCV's pixel coordinates.
+#[derive(Clone, Debug)]
+pub struct PairResult {
+    pub name: PairName,
+    /// From left to right, degrees.
+    pub angle_deg: f64,
+    pub keypoints_left: usize,
+    pub keypoints_right: usize,
+    pub matches: Vec<MatchedPoints>,
+    pub outcome: PairOutcome,
+    pub tries: Vec<TryReport>,
+}
+
+impl PairResult {
+    pub fn geometry(&self) -> Option<&EpipolarGeometry> {
+        match &self.outcome {
+            PairOutcome::Usable { geometry, .. } => Some(geometry),
+            PairOutcome::Failed { geometry, .. } => geometry.as_ref(),
+        }
+    }
+
+    pub fn rectification(&self) -> Option<&Rectification> {
+        match &self.outcome {
+            PairOutcome::Usable { rectification, .. } => Some(rectification),
+            PairOutcome::Failed { .. } => None,
+        }
+    }
+
+    pub fn failure(&self) -> Option<&PairFailure> {
+        match &self.outcome {
+            PairOutcome::Usable { .. } => None,
+            PairOutcome::Failed { failure, .. } => Some(failure),
+        }
+    }
+
+    /// The matches that agree with the geometry; none without one.
+    pub fn inliers(&self) -> Vec<Correspondence> {
+        self.geometry().map_or_else(Vec::new, |geometry| agreeing(&self.matches, geometry))
+    }
+}
+
+fn agreeing(matches: &[MatchedPoints], geometry: &EpipolarGeometry) -> Vec<Correspondence> {
+    let flagged = matches.iter().zip(&geometry.inliers);
+    flagged.filter(|(_, inlier)| **inlier).map(|(found, _)| found.points).collect()
+}
+
+/// Disparity at the pixels of the left and of the right view.
+pub(super) struct PairMaps {
+    pub left: FloatImage,
+    pub right: FloatImage,
+}
+
+/// Why a pair's stages ended early.
+enum Stop {
+    Cancelled(Cancelled),
+    Failed(PairFailure),
+}
+
+impl From<Cancelled> for Stop {
+    fn from(cancelled: Cancelled) -> Self {
+        Self::Cancelled(cancelled)
+    }
+}
+
+impl From<RectificationError> for Stop {
+    fn from(error: RectificationError) -> Self {
+        Self::Failed(error.into())
+    }
+}
+
+impl From<DisparityError> for Stop {
+    fn from(error: DisparityError) -> Self {
+        Self::Failed(error.into())
+    }
+}
+
+/// Takes one pair through all its stages. A failure is a result.
+pub(super) fn process_pair(
+    plan: &PlannedPair,
+    views: &[View],
+    features: &[ViewFeatures],
+    options: &Options,
+    tracker: &Tracker<'_>,
+) -> Result<(PairResult, Option<PairMaps>), Cancelled> {
+    let pair_views = [&views[plan.left], &views[plan.right]];
+    let pair_features = [&features[plan.left], &features[plan.right]];
+    let mut progress = PairProgress { tracker, taken: 0 };
+    let found = correspond(plan.name, pair_views, pair_features, options, || tracker.check())?;
+    progress.step()?;
+    let Correspondences { keypoints, matches, geometry, tries } = found;
+    let (outcome, maps) = match geometry {
+        Err(failure) => (PairOutcome::Failed { failure, geometry: None }, None),
+        Ok(geometry) => {
+            let inliers = agreeing(&matches, &geometry);
+            match dense(pair_views, &inliers, &geometry, options, &mut progress) {
+                Ok((rectification, maps)) => {
+                    (PairOutcome::Usable { geometry, rectification }, Some(maps))
+                }
+                Err(Stop::Failed(failure)) => {
+                    (PairOutcome::Failed { failure, geometry: Some(geometry) }, None)
+                }
+                Err(Stop::Cancelled(cancelled)) => return Err(cancelled),
+            }
+        }
+    };
+    tracker.finish(plan.name.to_string(), STEPS - progress.taken)?;
+    let result = PairResult {
+        name: plan.name,
+        angle_deg: plan.angle_deg,
+        keypoints_left: keypoints[0],
+        keypoints_right: keypoints[1],
+        matches,
+        outcome,
+        tries,
+    };
+    Ok((result, maps))
+}
+
+/// Rectification and disparity, both ways.
+fn dense(
+    views: [&View; 2],
+    inliers: &[Correspondence],
+    geometry: &EpipolarGeometry,
+    options: &Options,
+    progress: &mut PairProgress<'_>,
+) -> Result<(Rectification, PairMaps), Stop> {
+    let (width_px, height_px) = views[0].image.dimensions();
+    let rectification = vision::rectify(inliers, &geometry.fundamental, width_px, height_px)?;
+    let [left, right] = rectified_pair([&views[0].image, &views[1].image], &rectification)
+        .map_err(RectificationError::from)?;
+    progress.step()?;
+    let maps = PairMaps {
+        left: left_map(&left, &right, &rectification, &options.disparity, progress)?,
+        right: right_map(&left, &right, &rectification, &options.disparity, progress)?,
+    };
+    Ok((rectification, maps))
+}
+
+fn left_map(
+    left: &GrayImage,
+    right: &GrayImage,
+    rectification: &Rectification,
+    options: &DisparityOptions,
+    progress: &mut PairProgress<'_>,
+) -> Result<FloatImage, Stop> {
+    let rectified = vision::left_disparity(left, right, options)?;
+    progress.step()?;
+    Ok(vision::derectify(&rectified, &rectification.rectified_from_left)?)
+}
+
+fn right_map(
+    left: &GrayImage,
+    right: &GrayImage,
+    rectification: &Rectification,
+    options: &DisparityOptions,
+    progress: &mut PairProgress<'_>,
+) -> Result<FloatImage, Stop> {
+    let rectified = vision::right_disparity(left, right, options)?;
+    progress.step()?;
+    Ok(vision::derectify(&rectified, &rectification.rectified_from_right)?)
+}
+
+/// Both drawings of a pair, rectified.
+pub fn rectified_pair(
+    drawings: [&GrayImage; 2],
+    rectification: &Rectification,
+) -> Result<[GrayImage; 2], OpenCvError> {
+    Ok([
+        vision::warp(drawings[0], &rectification.rectified_from_left)?,
+        vision::warp(drawings[1], &rectification.rectified_from_right)?,
+    ])
+}
+
+/// Counts a pair's steps, so that one that fails early is still whole.
+struct PairProgress<'a> {
+    tracker: &'a Tracker<'a>,
+    taken: usize,
+}
+
+impl PairProgress<'_> {
+    fn step(&mut self) -> Result<(), Cancelled> {
+        self.taken += 1;
+        self.tracker.step()
+    }
+}
