@@ -189,3 +189,156 @@ fn in_pixels(steps: &Mat, options: &DisparityOptions) -> Result<FloatImage, Open
     FloatImage::from_raw(steps.cols() as u32, steps.rows() as u32, pixels)
         .ok_or_else(cv::size_mismatch)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::Luma;
+
+    /// Repeatable texture without structure.
+    fn texture(x: i64, y: i64) -> u8 {
+        let mut hash = (x as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ (y as u64) << 32;
+        hash = (hash ^ hash >> 29).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        (hash >> 40) as u8
+    }
+
+    /// A textured plane, shifted left by `disparity` in the right view; in the
+    /// middle a nearer patch.
+    fn pair(width: u32, height: u32, disparity: i64, patch: i64) -> (GrayImage, GrayImage) {
+        let near =
+            |x: i64, y: i64| (80..120).contains(&x) && (40..80).contains(&y) && patch != disparity;
+        let left = GrayImage::from_fn(width, height, |x, y| {
+            let (x, y) = (i64::from(x), i64::from(y));
+            Luma([if near(x, y) { texture(x + 5000, y) } else { texture(x, y) }])
+        });
+        let right = GrayImage::from_fn(width, height, |x, y| {
+            let (x, y) = (i64::from(x), i64::from(y));
+            Luma([if near(x + patch, y) {
+                texture(x + patch + 5000, y)
+            } else {
+                texture(x + disparity, y)
+            }])
+        });
+        (left, right)
+    }
+
+    fn options() -> DisparityOptions {
+        DisparityOptions {
+            block_size: 5,
+            p1: 200,
+            p2: 800,
+            speckle_window_px: 0,
+            max_left_right_difference_px: 1,
+            ..DisparityOptions::default()
+        }
+    }
+
+    fn all_algorithms() -> Vec<DisparityOptions> {
+        let mut all: Vec<_> =
+            [SgbmMode::FivePath, SgbmMode::EightPath, SgbmMode::ThreeWay, SgbmMode::Hh4]
+                .map(|mode| DisparityOptions { mode, ..options() })
+                .into();
+        let algorithm = DisparityAlgorithm::BlockMatching;
+        all.push(DisparityOptions { algorithm, block_size: 9, ..options() });
+        all
+    }
+
+    fn share_within_half(map: &FloatImage, region: impl Fn(u32, u32) -> Option<f32>) -> f64 {
+        let (mut good, mut all) = (0, 0);
+        for (x, y, value) in map.enumerate_pixels() {
+            let Some(expected) = region(x, y) else { continue };
+            all += 1;
+            good += i32::from((value.0[0] - expected).abs() <= 0.5);
+        }
+        f64::from(good) / f64::from(all)
+    }
+
+    #[test]
+    fn a_plane_and_a_patch_have_their_disparities_both_ways() {
+        let (left, right) = pair(200, 120, 7, 15);
+        for options in all_algorithms() {
+            let expected = |shift: u32| {
+                move |x: u32, y: u32| {
+                    let inner = (86 - shift..114 - shift).contains(&x) && (46..74).contains(&y);
+                    let outer = (45..70).contains(&x) && (20..100).contains(&y);
+                    if inner { Some(15.0) } else { outer.then_some(7.0) }
+                }
+            };
+            let map = left_disparity(&left, &right, &options).unwrap();
+            let good = share_within_half(&map, expected(0));
+            assert!(good > 0.97, "{:?} {:?} left: {good}", options.algorithm, options.mode);
+            let map = right_disparity(&left, &right, &options).unwrap();
+            let good = share_within_half(&map, expected(15));
+            assert!(good > 0.97, "{:?} {:?} right: {good}", options.algorithm, options.mode);
+        }
+    }
+
+    #[test]
+    fn negative_disparities_are_found_when_searched() {
+        let (left, right) = pair(200, 120, -6, -6);
+        let options = DisparityOptions { min_disparity_px: -16, ..options() };
+        let map = left_disparity(&left, &right, &options).unwrap();
+        let inner = |x, y| ((40..150).contains(&x) && (10..110).contains(&y)).then_some(-6.0);
+        assert!(share_within_half(&map, inner) > 0.97);
+    }
+
+    #[test]
+    fn a_mirrored_pair_has_the_mirrored_disparity() {
+        let (left, right) = pair(200, 120, 7, 15);
+        let mirror = |image: &GrayImage| image::imageops::flip_horizontal(image);
+        let map = left_disparity(&left, &right, &options()).unwrap();
+        let mirrored = right_disparity(&mirror(&right), &mirror(&left), &options()).unwrap();
+        let both = map.enumerate_pixels().filter(|(_, _, value)| !value.0[0].is_nan());
+        let (good, all) = both.fold((0, 0), |(good, all), (x, y, value)| {
+            let other = mirrored.get_pixel(199 - x, y).0[0];
+            (good + i32::from((value.0[0] - other).abs() <= 0.5), all + 1)
+        });
+        assert!(f64::from(good) >= 0.99 * f64::from(all), "{good} of {all}");
+    }
+
+    #[test]
+    fn derectifying_undoes_the_homography() {
+        let map = FloatImage::from_fn(20, 10, |x, y| Luma([(x + 20 * y) as f32]));
+        let shift = Matrix3::new_translation(&nalgebra::Vector2::new(3.0, -2.0));
+        let back = derectify(&map, &shift).unwrap();
+        assert_eq!(back.get_pixel(4, 5), map.get_pixel(7, 3));
+        assert!(back.get_pixel(18, 5).0[0].is_nan());
+        assert!(back.get_pixel(4, 1).0[0].is_nan());
+    }
+
+    #[test]
+    fn small_pictures_and_extreme_options_never_crash() {
+        for (width, height) in [(1, 1), (8, 8), (60, 3), (50, 50), (90, 70)] {
+            let (left, right) = pair(width, height, 2, 2);
+            for base in all_algorithms() {
+                for (block_size, min_disparity_px, num_disparities) in
+                    [(1, 0, 16), (5, -40, 32), (37, 0, 32), (255, -1024, 1024), (3, 1024, 16)]
+                {
+                    let options = DisparityOptions {
+                        block_size,
+                        min_disparity_px,
+                        num_disparities,
+                        speckle_window_px: 50,
+                        ..base.clone()
+                    };
+                    if let Ok(map) = left_disparity(&left, &right, &options) {
+                        assert_eq!(map.dimensions(), (width, height));
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn too_narrow_and_unlike_views_are_refused() {
+        let (left, right) = pair(60, 60, 0, 0);
+        assert!(matches!(
+            left_disparity(&left, &right, &DisparityOptions::default()),
+            Err(DisparityError::TooNarrow { width_px: 60, min_px: 0, max_px: 31, block_size: 37 })
+        ));
+        assert!(matches!(
+            right_disparity(&left, &GrayImage::new(60, 59), &options()),
+            Err(DisparityError::SizesDiffer { .. })
+        ));
+    }
+}

@@ -149,3 +149,109 @@ fn line_spread(points: impl Iterator<Item = Point2<f64>> + Clone) -> f64 {
             / count;
     covariance.symmetric_eigenvalues().min().max(0.0).sqrt()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vision::{mean_distance, sampson_distance_px2};
+    use nalgebra::Point3;
+    use rand::{Rng, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    /// Points before two perspective cameras, as seen by both; the last
+    /// `outliers` are matched with anything.
+    fn scene(count: usize, outliers: usize, noise_px: f64) -> Vec<Correspondence> {
+        let mut rng = ChaCha8Rng::seed_from_u64(11);
+        let (sin, cos) = 0.2_f64.sin_cos();
+        (0..count)
+            .map(|i| {
+                let p = Point3::new(
+                    rng.random_range(-1.0..1.0),
+                    rng.random_range(-1.0..1.0),
+                    rng.random_range(4.0..7.0),
+                );
+                let q = Point3::new(
+                    p.x * cos + p.z * sin - 0.8,
+                    p.y + 0.1,
+                    p.z * cos - p.x * sin + 0.2,
+                );
+                let mut noise = || rng.random_range(-1.0..=1.0) * noise_px;
+                let mut seen = |p: Point3<f64>| {
+                    Point2::new(
+                        480.0 + 900.0 * p.x / p.z + noise(),
+                        270.0 + 900.0 * p.y / p.z + noise(),
+                    )
+                };
+                let (left, right) = (seen(p), seen(q));
+                if i + outliers < count {
+                    return Correspondence { left, right };
+                }
+                let anywhere =
+                    Point2::new(rng.random_range(0.0..960.0), rng.random_range(0.0..540.0));
+                Correspondence { left, right: anywhere }
+            })
+            .collect()
+    }
+
+    fn sampson(geometry: &EpipolarGeometry, points: &[Correspondence]) -> f64 {
+        let pairs = points.iter().map(|c| (c.left, c.right));
+        mean_distance(&geometry.fundamental, pairs, sampson_distance_px2).unwrap()
+    }
+
+    fn options(estimator: Estimator) -> EpipolarOptions {
+        EpipolarOptions { estimator, ..EpipolarOptions::default() }
+    }
+
+    #[test]
+    fn exact_matches_are_explained_exactly_by_every_estimator() {
+        let points = scene(60, 0, 0.0);
+        for estimator in [Estimator::Ransac, Estimator::Lmeds, Estimator::EightPoint] {
+            let geometry = estimate_fundamental(&points, &options(estimator)).unwrap();
+            assert_eq!(geometry.inlier_count(), 60, "{estimator:?}");
+            let error = sampson(&geometry, &points).sqrt();
+            assert!(error < 1e-6, "{estimator:?}: {error}");
+        }
+    }
+
+    #[test]
+    fn finds_the_inliers_among_thirty_percent_outliers() {
+        let points = scene(200, 60, 0.3);
+        for estimator in [Estimator::Ransac, Estimator::Lmeds] {
+            let geometry = estimate_fundamental(&points, &options(estimator)).unwrap();
+            let kept = geometry.inliers[..140].iter().filter(|&&inlier| inlier).count();
+            let wrong = geometry.inliers[140..].iter().filter(|&&inlier| inlier).count();
+            assert!(kept > 133, "{estimator:?} kept {kept} of 140");
+            assert!(wrong < 6, "{estimator:?} took {wrong} of 60 outliers");
+        }
+    }
+
+    #[test]
+    fn says_that_few_points_were_left_to_lmeds() {
+        let run = |count| {
+            let points = scene(count, 0, 0.1);
+            estimate_fundamental(&points, &options(Estimator::Ransac)).unwrap().estimator
+        };
+        assert_eq!(run(14), EstimatorRun::Lmeds);
+        assert_eq!(run(15), EstimatorRun::Ransac);
+    }
+
+    #[test]
+    fn names_degenerate_matches() {
+        let estimate = |points: &[Correspondence]| {
+            estimate_fundamental(points, &options(Estimator::Ransac)).unwrap_err()
+        };
+        assert_eq!(
+            estimate(&scene(7, 0, 0.0)),
+            EpipolarError::TooFewCorrespondences { found: 7, required: 8 }
+        );
+        let mut line = scene(20, 0, 0.0);
+        for (i, c) in line.iter_mut().enumerate() {
+            c.left = Point2::new(10.0 + 7.0 * i as f64, 20.0 + 3.0 * i as f64);
+        }
+        assert!(matches!(estimate(&line), EpipolarError::Collinear { found: 20, .. }));
+        let same = vec![scene(1, 0, 0.0)[0]; 20];
+        assert!(matches!(estimate(&same), EpipolarError::Collinear { found: 20, .. }));
+        let noise = scene(100, 100, 0.0);
+        assert!(matches!(estimate(&noise), EpipolarError::MostlyOutliers { found: 100, .. }));
+    }
+}

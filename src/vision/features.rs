@@ -220,3 +220,68 @@ fn keypoint(point: &KeyPoint) -> Keypoint {
         response: point.response(),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::Luma;
+
+    /// White rectangles on black at known corners.
+    fn rectangles() -> GrayImage {
+        GrayImage::from_fn(200, 160, |x, y| {
+            let inside = |x0, y0, x1, y1| (x0..x1).contains(&x) && (y0..y1).contains(&y);
+            let white = inside(50, 50, 90, 80) || inside(110, 60, 150, 110);
+            Luma([if white { 255 } else { 0 }])
+        })
+    }
+
+    fn with(detector: Detector, descriptor: Descriptor) -> DetectionOptions {
+        DetectionOptions { detector, descriptor, ..DetectionOptions::default() }
+    }
+
+    #[test]
+    fn corner_detectors_find_the_corners() {
+        for detector in [Detector::ShiTomasi, Detector::Harris] {
+            let features =
+                detect_and_describe(&rectangles(), &with(detector, Descriptor::Orb)).unwrap();
+            for corner in [(50.0, 50.0), (89.0, 79.0), (110.0, 60.0), (149.0, 109.0)] {
+                let distance = features
+                    .keypoints
+                    .iter()
+                    .map(|k| (k.position - Point2::new(corner.0, corner.1)).norm())
+                    .fold(f32::INFINITY, f32::min);
+                assert!(distance < 6.0, "{detector:?}: nearest to {corner:?} is {distance} px off");
+            }
+        }
+    }
+
+    #[test]
+    fn every_keypoint_is_described_whatever_the_combination() {
+        use Detector::{Fast, Harris, Orb, ShiTomasi, Sift};
+        for detector in [Fast, Orb, Harris, ShiTomasi, Sift] {
+            for descriptor in [Descriptor::Orb, Descriptor::Sift] {
+                let options = with(detector, descriptor);
+                let found = detect_and_describe(&rectangles(), &options);
+                if (detector, descriptor) == (Sift, Descriptor::Orb) {
+                    assert_eq!(found, Err(FeatureError::Incompatible { detector, descriptor }));
+                    continue;
+                }
+                let features = found.unwrap();
+                assert_eq!(features.descriptors.count(), features.keypoints.len(), "{options:?}");
+                assert!(detector == Sift || !features.keypoints.is_empty(), "{detector:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn blank_and_tiny_pictures_have_no_keypoints() {
+        for (width, height) in [(1, 1), (3, 200), (120, 100)] {
+            let blank = GrayImage::from_pixel(width, height, Luma([255]));
+            for detector in [Detector::Fast, Detector::Harris, Detector::ShiTomasi, Detector::Orb] {
+                let features =
+                    detect_and_describe(&blank, &with(detector, Descriptor::Orb)).unwrap();
+                assert_eq!((features.keypoints.len(), features.descriptors.count()), (0, 0));
+            }
+        }
+    }
+}

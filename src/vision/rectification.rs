@@ -98,3 +98,56 @@ pub fn warp(
     )?;
     cv::gray_image(&warped)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::options::EpipolarOptions;
+    use crate::vision::estimate_fundamental;
+    use nalgebra::Point2;
+
+    /// A turntable's points at 0 and 5 degrees, every row its own problem, the
+    /// right view turned and shifted in the picture plane.
+    fn turntable_pair() -> Vec<Correspondence> {
+        let (sin, cos) = 5.0_f64.to_radians().sin_cos();
+        (0..60)
+            .map(|i| {
+                let value = |step: usize, size: f64| ((i * step) % 61) as f64 / 61.0 * size;
+                let (x, depth, y) = (value(17, 300.0) - 150.0, value(29, 300.0), value(43, 400.0));
+                let right = Point2::new(480.0 + x * cos + depth * sin, 70.0 + y);
+                Correspondence {
+                    left: Point2::new(480.0 + x, 70.0 + y),
+                    right: Point2::new(right.x - 0.05 * right.y, right.y + 0.05 * right.x + 9.0),
+                }
+            })
+            .collect()
+    }
+
+    #[test]
+    fn matches_end_up_in_the_same_row() {
+        let points = turntable_pair();
+        let geometry = estimate_fundamental(&points, &EpipolarOptions::default()).unwrap();
+        let r = rectify(&points, &geometry.fundamental, 960, 540).unwrap();
+        for c in &points {
+            let left = r.rectified_from_left.transform_point(&c.left);
+            let right = r.rectified_from_right.transform_point(&c.right);
+            assert!((left.y - right.y).abs() < 0.01, "{left} and {right}");
+        }
+    }
+
+    #[test]
+    fn warping_by_a_shift_moves_the_drawing_and_fills_with_paper() {
+        let image = GrayImage::from_fn(6, 4, |x, y| image::Luma([(10 * x + y) as u8]));
+        let shift = Matrix3::new_translation(&nalgebra::Vector2::new(2.0, 1.0));
+        let warped = warp(&image, &shift).unwrap();
+        assert_eq!(warped.get_pixel(2, 1), image.get_pixel(0, 0));
+        assert_eq!(warped.get_pixel(5, 3), image.get_pixel(3, 2));
+        assert_eq!(warped.get_pixel(1, 1).0, [255]);
+    }
+
+    #[test]
+    fn nothing_to_rectify_is_named() {
+        let error = rectify(&[], &Matrix3::zeros(), 960, 540).unwrap_err();
+        assert!(!error.to_string().is_empty());
+    }
+}

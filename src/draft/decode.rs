@@ -1,0 +1,132 @@
+use rayon::ThreadPool;
+use rayon::prelude::*;
+
+use super::{DraftError, ReadImage};
+use crate::options::Options;
+use crate::pipeline::{Observer, Progress, Stage, check_size};
+use crate::sheet::{self, Azimuth, ImageLimits, Sheet, SheetDocument, View, ViewDocument};
+
+/// A view's bytes, held against the limits but not yet decoded.
+struct Inspected<'a> {
+    document: &'a ViewDocument,
+    azimuth: Azimuth,
+    drawing: Vec<u8>,
+    mask: Option<Vec<u8>>,
+    width_px: u32,
+    height_px: u32,
+}
+
+/// Reads, checks and decodes the views of a document.
+///
+/// Everything that headers tell is checked before the first pixel is decoded.
+pub(super) fn decode_sheet(
+    document: &SheetDocument,
+    options: &Options,
+    read: ReadImage<'_>,
+    limits: &ImageLimits,
+    pool: &ThreadPool,
+    observer: &dyn Observer,
+) -> Result<Sheet, DraftError> {
+    let required = options.method.minimum_views();
+    let found = document.views.len();
+    if found < required {
+        let detail = format!("the sheet has {found} views; the method takes at least {required}");
+        return Err(DraftError::input("too_few_views", detail));
+    }
+    let mut inspected = Vec::with_capacity(found);
+    for view in &document.views {
+        observer.check()?;
+        inspected.push(inspect(view, read, limits)?);
+    }
+    check_sizes(&inspected, options, pool.current_num_threads())?;
+    let decoded: Vec<_> = pool.install(|| {
+        inspected
+            .par_iter()
+            .with_max_len(1)
+            .map(|view| {
+                observer.check()?;
+                decode(view, document.elevation_deg, limits)
+            })
+            .collect()
+    });
+    // In order, so that the error told is always the same.
+    let views = decoded.into_iter().collect::<Result<Vec<_>, _>>()?;
+    observer.progress(Progress {
+        stage: Stage::Decode,
+        done: found,
+        total: found,
+        unit: None,
+        fraction: 1.0,
+    });
+    Sheet::new(views).map_err(|error| DraftError::input("invalid_sheet", error))
+}
+
+fn inspect<'a>(
+    view: &'a ViewDocument,
+    read: ReadImage<'_>,
+    limits: &ImageLimits,
+) -> Result<Inspected<'a>, DraftError> {
+    let azimuth = Azimuth::from_degrees(view.azimuth_deg)
+        .map_err(|error| DraftError::input("invalid_azimuth", error))?;
+    let header = |name: &str, bytes: &[u8]| {
+        sheet::inspect(bytes, limits)
+            .map_err(|error| DraftError::input("invalid_image", format!("image {name} {error}")))
+    };
+    let drawing = read(&view.image)?;
+    let (_, width_px, height_px) = header(&view.image, &drawing)?;
+    let mask = match &view.mask {
+        Some(name) => {
+            let bytes = read(name)?;
+            header(name, &bytes)?;
+            Some(bytes)
+        }
+        None => None,
+    };
+    Ok(Inspected { document: view, azimuth, drawing, mask, width_px, height_px })
+}
+
+fn check_sizes(
+    views: &[Inspected<'_>],
+    options: &Options,
+    threads: usize,
+) -> Result<(), DraftError> {
+    let Some(first) = views.first() else { return Ok(()) };
+    if options.method.needs_equal_sizes() {
+        let size = |view: &Inspected<'_>| (view.width_px, view.height_px);
+        if let Some(other) = views.iter().find(|view| size(view) != size(first)) {
+            let detail = format!(
+                "view {} is {}x{} px, view {} {}x{} px; make all views one size",
+                other.azimuth,
+                other.width_px,
+                other.height_px,
+                first.azimuth,
+                first.width_px,
+                first.height_px
+            );
+            return Err(DraftError::input("sizes_differ", detail));
+        }
+    }
+    Ok(check_size(views.len(), first.width_px, first.height_px, options, threads)?)
+}
+
+fn decode(
+    view: &Inspected<'_>,
+    default_elevation_deg: f64,
+    limits: &ImageLimits,
+) -> Result<View, DraftError> {
+    let decode = |name: &str, bytes: &[u8]| {
+        sheet::decode(bytes, limits)
+            .map_err(|error| DraftError::input("invalid_image", format!("image {name} {error}")))
+    };
+    let drawing = decode(&view.document.image, &view.drawing)?;
+    let mask = match (&view.mask, &view.document.mask) {
+        (Some(bytes), Some(name)) => Some(decode(name, bytes)?.gray),
+        _ => drawing.alpha,
+    };
+    Ok(View {
+        azimuth: view.azimuth,
+        elevation_deg: view.document.elevation_deg.unwrap_or(default_elevation_deg),
+        image: drawing.gray,
+        mask,
+    })
+}

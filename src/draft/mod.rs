@@ -1,0 +1,147 @@
+//! The main job: a sheet document and its image bytes in, artifacts out.
+
+mod decode;
+mod export;
+mod timing;
+
+use std::io;
+
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use serde::{Deserialize, Serialize};
+
+use crate::export::{Artifact, EncodeError};
+use crate::options::{self, Options};
+use crate::pipeline::{Cancelled, Observer, PipelineError, measure, reconstruct};
+use crate::sheet::{ImageLimits, SheetDocument};
+
+use decode::decode_sheet;
+use export::Exporter;
+use timing::Timed;
+
+/// Why there is no draft.
+#[derive(Debug, thiserror::Error)]
+pub enum DraftError {
+    /// The input is to blame: trying again cannot help.
+    #[error("{detail}")]
+    Input {
+        /// Stable name, such as `no_usable_pair`.
+        code: &'static str,
+        /// What happened and how to mend it.
+        detail: String,
+    },
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+    /// Inputs could not be read or artifacts not be written.
+    #[error(transparent)]
+    Io(#[from] io::Error),
+    /// Our own fault.
+    #[error("{0}")]
+    Internal(String),
+}
+
+impl DraftError {
+    fn input(code: &'static str, detail: impl ToString) -> Self {
+        Self::Input { code, detail: detail.to_string() }
+    }
+}
+
+impl From<PipelineError> for DraftError {
+    fn from(error: PipelineError) -> Self {
+        match error {
+            PipelineError::Cancelled(cancelled) => Self::Cancelled(cancelled),
+            PipelineError::NoThreads { .. } => Self::Internal(error.to_string()),
+            _ => Self::input(error.code(), error),
+        }
+    }
+}
+
+impl From<EncodeError> for DraftError {
+    fn from(error: EncodeError) -> Self {
+        Self::Internal(error.to_string())
+    }
+}
+
+/// What came out, in a few numbers; the metrics artifact has the rest.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Summary {
+    pub views: usize,
+    pub pairs: usize,
+    pub usable_pairs: usize,
+    /// Names of all artifacts, in the order they were emitted.
+    pub artifacts: Vec<String>,
+    pub warnings: Vec<String>,
+}
+
+/// Reads the bytes of an image that a document names.
+pub type ReadImage<'a> = &'a (dyn Fn(&str) -> io::Result<Vec<u8>> + Sync);
+
+/// Takes finished artifacts.
+pub type EmitArtifact<'a> = &'a mut dyn FnMut(Artifact) -> io::Result<()>;
+
+/// Makes a 3D draft from a sheet.
+///
+/// * `document`: views and options.
+/// * `read`: the bytes of an image the document names; called from several
+///   threads.
+/// * `limits`: what one image may cost.
+/// * `threads`: how many threads may compute; no artifact but `timings.json`
+///   depends on it.
+/// * `emit`: takes each artifact as soon as it is made, in a fixed order.
+///
+/// # Errors
+/// [`DraftError::Input`] if document, images or options cannot give a draft,
+/// [`DraftError::Cancelled`] if `observer` says so, [`DraftError::Io`] from
+/// `read` and `emit`.
+pub fn produce(
+    document: &SheetDocument,
+    read: ReadImage<'_>,
+    limits: &ImageLimits,
+    threads: usize,
+    observer: &dyn Observer,
+    emit: EmitArtifact<'_>,
+) -> Result<Summary, DraftError> {
+    let options = options_of(document)?;
+    let pool = pool(threads)?;
+    let timed = Timed::new(observer);
+    let sheet = decode_sheet(document, &options, read, limits, &pool, &timed.decoding())?;
+    let reconstruction = reconstruct(&sheet, &options, threads, &timed.reconstructing())?;
+    timed.computed();
+    let (width_px, height_px) =
+        sheet.views().first().map_or((0, 0), |view| view.image.dimensions());
+    let metrics = measure(&reconstruction, width_px, height_px);
+    let exporting = timed.exporting();
+    let mut exporter = Exporter::new(&sheet, &reconstruction, &options, &pool, &exporting, emit);
+    exporter.views()?;
+    exporter.pairs()?;
+    exporter.cloud()?;
+    exporter.mesh()?;
+    exporter.metrics(&metrics)?;
+    exporter.bundle()?;
+    exporter.timings(&timed, threads)?;
+    Ok(Summary {
+        views: sheet.views().len(),
+        pairs: reconstruction.pairs.len(),
+        usable_pairs: reconstruction.usable_pairs().count(),
+        artifacts: exporter.into_names(),
+        warnings: metrics.warnings,
+    })
+}
+
+fn options_of(document: &SheetDocument) -> Result<Options, DraftError> {
+    match &document.options {
+        None => Ok(Options::default()),
+        Some(value) => {
+            options::parse(value).map_err(|problems| DraftError::input("invalid_options", problems))
+        }
+    }
+}
+
+fn pool(threads: usize) -> Result<ThreadPool, DraftError> {
+    ThreadPoolBuilder::new()
+        .num_threads(threads.max(1))
+        .build()
+        .map_err(|error| DraftError::Internal(error.to_string()))
+}
+
+#[cfg(test)]
+mod tests;
