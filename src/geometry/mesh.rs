@@ -24,11 +24,7 @@ impl Mesh {
     /// The smallest and largest coordinate on each axis; `None` without vertices.
     pub fn bounds(&self) -> Option<(Point3<f64>, Point3<f64>)> {
         let first = *self.positions.first()?;
-        Some(
-            self.positions
-                .iter()
-                .fold((first, first), |(low, high), p| (low.inf(p), high.sup(p))),
-        )
+        Some(self.positions.iter().fold((first, first), |(low, high), p| (low.inf(p), high.sup(p))))
     }
 
     /// The signed volume in cubed units: positive when a closed mesh's

@@ -28,13 +28,7 @@ pub enum SheetError {
     #[error(
         "the mask of view {azimuth} is {mask_width}x{mask_height}, its drawing {width}x{height}; make them the same size"
     )]
-    MaskSize {
-        azimuth: Azimuth,
-        width: u32,
-        height: u32,
-        mask_width: u32,
-        mask_height: u32,
-    },
+    MaskSize { azimuth: Azimuth, width: u32, height: u32, mask_width: u32, mask_height: u32 },
 }
 
 impl Sheet {
@@ -95,21 +89,12 @@ mod tests {
     #[test]
     fn one_angle_written_twice_is_refused() {
         let error = Sheet::new(vec![view(0.0), view(45.0), view(360.0)]).unwrap_err();
-        assert_eq!(
-            error,
-            SheetError::DuplicateAzimuth(Azimuth::from_degrees(0.0).unwrap())
-        );
+        assert_eq!(error, SheetError::DuplicateAzimuth(Azimuth::from_degrees(0.0).unwrap()));
     }
 
     #[test]
     fn a_mask_must_fit_its_drawing() {
-        let masked = View {
-            mask: Some(GrayImage::new(3, 4)),
-            ..view(0.0)
-        };
-        assert!(matches!(
-            Sheet::new(vec![masked]),
-            Err(SheetError::MaskSize { .. })
-        ));
+        let masked = View { mask: Some(GrayImage::new(3, 4)), ..view(0.0) };
+        assert!(matches!(Sheet::new(vec![masked]), Err(SheetError::MaskSize { .. })));
     }
 }

@@ -510,14 +510,8 @@ mod tests {
         assert_eq!(smallest_absolute_eigenvalue(&Matrix3::repeat(f64::NAN)), None);
         assert_eq!(optimal_correction(&Matrix3::zeros(), origin, origin), None);
         assert_eq!(optimal_correction(&rank_one, origin, origin), None);
-        assert_eq!(
-            optimal_correction(&Matrix3::repeat(f64::NAN), origin, origin),
-            None
-        );
+        assert_eq!(optimal_correction(&Matrix3::repeat(f64::NAN), origin, origin), None);
         let (f, _) = affine_pair();
-        assert_eq!(
-            optimal_correction(&f, Point2::new(f64::NAN, 0.0), origin),
-            None
-        );
+        assert_eq!(optimal_correction(&f, Point2::new(f64::NAN, 0.0), origin), None);
     }
 }
