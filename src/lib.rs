@@ -6,10 +6,14 @@
 pub mod app;
 pub mod artifacts;
 pub mod draft;
+pub mod draw;
+pub mod evaluation;
 pub mod export;
 pub mod geometry;
 pub mod http;
 pub mod jobs;
+pub mod model_io;
+pub mod models;
 pub mod options;
 pub mod pipeline;
 pub mod sheet;

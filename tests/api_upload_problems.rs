@@ -335,7 +335,10 @@ async fn documents_that_are_no_json_or_no_sheet() {
     }
     let binary = views(&["0", "45", "90"]).part("seed", Part::bytes(vec![0xff, 0xfe]));
     refused(&service, binary, 400, "invalid-json").await;
-    for bad in [json!([]), json!({}), json!({"views": [], "colour": 1}), json!({"views": [{}]})] {
+    let long = json!({"name": "x".repeat(201), "views": []});
+    for bad in
+        [long, json!([]), json!({}), json!({"views": [], "colour": 1}), json!({"views": [{}]})]
+    {
         let form = Form::new().text("sheet", bad.to_string());
         let body = refused(&service, form, 422, "invalid-sheet").await;
         assert_eq!(body["part"], "sheet");
@@ -372,9 +375,30 @@ async fn bodies_that_stop_coming() {
 
 #[tokio::test]
 async fn more_uploads_than_memory_is_set_aside_for() {
-    let limits = HttpLimits { max_upload_memory_bytes: 1000, ..HttpLimits::default() };
+    let limits = HttpLimits {
+        max_body_bytes: 10_000,
+        max_upload_memory_bytes: 10_000,
+        ..HttpLimits::default()
+    };
     let service = Service::start_with(limits, ServerTimeouts::default()).await;
-    let response = service.upload(views(&["0", "45", "90"])).await;
+    let request = || {
+        let content_type = "multipart/form-data; boundary=b";
+        service.post("/v1/reconstructions").header("content-type", content_type)
+    };
+    let mut head = b"--b\r\nContent-Disposition: form-data; name=\"options\"\r\n\r\n".to_vec();
+    head.resize(9_500, b' ');
+    let (sent, waits) = tokio::sync::oneshot::channel();
+    let (_open, ends) = tokio::sync::oneshot::channel::<()>();
+    let first = head.clone();
+    let body = async_stream::stream! {
+        yield Ok::<_, std::io::Error>(first);
+        let _ = sent.send(());
+        let _ = ends.await;
+    };
+    tokio::spawn(request().body(reqwest::Body::wrap_stream(body)).send());
+    waits.await.unwrap();
+    tokio::time::sleep(Duration::from_millis(100)).await;
+    let response = request().body(head).send().await.unwrap();
     assert_eq!(response.headers()["retry-after"], "5");
     problem(response, 503, "busy").await;
     service.assert_nothing_stored().await;

@@ -1,6 +1,7 @@
 use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use super::config::{Config, ConfigArgs};
+use super::draw::{self, DrawArgs};
 use super::failure::Failure;
 use super::reconstruct::{self, ReconstructArgs};
 use super::{serve, telemetry};
@@ -21,6 +22,8 @@ enum Command {
     Worker(ConfigArgs),
     /// Reconstruct a sheet from local files, without a service
     Reconstruct(ReconstructArgs),
+    /// Draw a model sheet from a 3D model, with its ground truth
+    Draw(DrawArgs),
     /// Print the OpenAPI description of the service
     Openapi,
 }
@@ -33,6 +36,7 @@ pub fn run() -> Result<(), Failure> {
         Command::Serve(args) => serve::serve(&settings(args, &matches)?),
         Command::Worker(args) => serve::worker(&settings(args, &matches)?),
         Command::Reconstruct(args) => reconstruct::run(&args),
+        Command::Draw(args) => draw::run(&args),
         Command::Openapi => {
             println!("{:#}", crate::http::openapi());
             Ok(())

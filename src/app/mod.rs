@@ -6,6 +6,7 @@
 mod azimuths;
 mod cli;
 mod config;
+mod draw;
 mod failure;
 mod reconstruct;
 mod serve;

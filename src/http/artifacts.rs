@@ -30,6 +30,7 @@ problem_responses! {
 #[utoipa::path(
     get,
     path = "/v1/reconstructions/{id}/artifacts",
+    operation_id = "artifacts",
     tag = "artifacts",
     params(("id" = String, Path, format = "uuid", description = "The reconstruction")),
     responses(

@@ -80,9 +80,16 @@ pub async fn ready(State(api): State<Arc<Api>>) -> Result<Json<Health>, Problem>
                content_type = "text/plain"), ReadyProblems)
 )]
 pub async fn metrics(State(api): State<Arc<Api>>) -> Result<impl IntoResponse, Problem> {
-    let (queued, running) = api.state.store.depth().await?;
-    metrics::gauge!("turnaround_jobs_queued").set(queued as f64);
-    metrics::gauge!("turnaround_jobs_running").set(running as f64);
+    let counts = api.state.store.counts().await?;
+    for (state, count) in [
+        ("queued", counts.queued),
+        ("running", counts.running),
+        ("succeeded", counts.succeeded),
+        ("failed", counts.failed),
+        ("cancelled", counts.cancelled),
+    ] {
+        metrics::gauge!("turnaround_jobs", "state" => state).set(count as f64);
+    }
     api.state.metrics.run_upkeep();
     let content_type = [(header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")];
     Ok((content_type, api.state.metrics.render()))

@@ -84,3 +84,60 @@ pub fn cors(origins: &[String]) -> Option<CorsLayer> {
         .expose_headers(ExposeHeaders::list(exposed));
     Some(layer)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use axum::body::{self, Body};
+    use axum::http::StatusCode;
+    use axum::response::Response;
+    use axum::routing::get;
+    use serde_json::Value;
+    use std::time::Duration;
+    use tower::ServiceExt;
+    use tower_http::timeout::TimeoutLayer;
+
+    async fn answer(path: &str) -> Response {
+        async fn panics() {
+            panic!("on purpose");
+        }
+        async fn sleeps() {
+            tokio::time::sleep(Duration::from_secs(60)).await;
+        }
+        let timeout = TimeoutLayer::with_status_code(
+            StatusCode::SERVICE_UNAVAILABLE,
+            Duration::from_millis(10),
+        );
+        let router = Router::new()
+            .route("/panics", get(panics))
+            .route("/sleeps", get(sleeps))
+            .route("/teapot", get(|| async { (StatusCode::IM_A_TEAPOT, "short and stout") }))
+            .layer(timeout);
+        let request = Request::builder().uri(path).body(Body::empty()).unwrap();
+        wrap(router, None).oneshot(request).await.unwrap()
+    }
+
+    async fn expect_problem(path: &str, status: u16, kind: &str) -> Value {
+        let response = answer(path).await;
+        assert_eq!(response.status().as_u16(), status);
+        assert_eq!(response.headers()["content-type"], "application/problem+json");
+        assert!(response.headers().contains_key("x-request-id"));
+        let bytes = body::to_bytes(response.into_body(), 10_000).await.unwrap();
+        let problem: Value = serde_json::from_slice(&bytes).unwrap();
+        assert_eq!(problem["type"], kind, "{problem}");
+        assert_eq!(problem["instance"], path);
+        problem
+    }
+
+    #[tokio::test]
+    async fn panics_timeouts_and_bare_statuses_are_problems() {
+        let panicked = expect_problem("/panics", 500, "/problems/internal").await;
+        assert!(!panicked.to_string().contains("on purpose"), "{panicked}");
+        expect_problem("/sleeps", 503, "/problems/busy").await;
+        let teapot = expect_problem("/teapot", 418, "/problems/bad-request").await;
+        assert_eq!(
+            (&teapot["status"], &teapot["detail"]),
+            (&418.into(), &"short and stout".into())
+        );
+    }
+}

@@ -76,6 +76,7 @@ pub fn openapi() -> Value {
     let (_, description) = routes().split_for_parts();
     let mut document = serde_json::to_value(description).unwrap_or_default();
     name_wildcards(&mut document);
+    describe_other_errors(&mut document);
     tell_head_from_get(&mut document);
     describe_upload(&mut document);
     for (name, schema) in foreign_schemas() {
@@ -150,6 +151,19 @@ fn name_wildcards(document: &mut Value) {
         .into_iter()
         .map(|(path, item)| (path.replace("{*", "{"), item))
         .collect();
+}
+
+/// Faults of the service, and what the framework refuses by itself.
+fn describe_other_errors(document: &mut Value) {
+    let items = document["paths"].as_object_mut().into_iter().flat_map(Map::values_mut);
+    for operation in items.filter_map(Value::as_object_mut).flat_map(Map::values_mut) {
+        operation["responses"]["default"] = json!({
+            "description": "Any other problem",
+            "content": {"application/problem+json": {
+                "schema": {"$ref": "#/components/schemas/Problem"}
+            }},
+        });
+    }
 }
 
 /// Operation ids must be unique, and a HEAD answers without a body.

@@ -164,8 +164,7 @@ impl From<&Job> for Reconstruction {
     fn from(job: &Job) -> Self {
         // A payload that an older version stored may not read; its job is
         // still listed.
-        let payload: Option<ReconstructionPayload> =
-            serde_json::from_value(job.payload.clone()).ok();
+        let payload = ReconstructionPayload::deserialize(&job.payload).ok();
         let (document, source) = payload.map(|p| (p.document, p.source)).unwrap_or_default();
         let options = document.options.clone().unwrap_or_default();
         Self {

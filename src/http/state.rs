@@ -33,7 +33,8 @@ pub struct Api {
 
 impl Api {
     pub fn new(state: ApiState, limits: HttpLimits) -> Arc<Self> {
-        let budget = Budget::new(limits.max_upload_memory_bytes);
+        // One upload of the largest size must always fit.
+        let budget = Budget::new(limits.max_upload_memory_bytes.max(limits.max_body_bytes));
         let decoders = Decoders::new(limits.concurrent_decodes);
         Arc::new(Self { state, limits, budget, decoders })
     }

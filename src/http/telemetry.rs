@@ -37,8 +37,7 @@ fn describe() {
         Unit::Seconds,
         "From a request's header to its answer's header"
     );
-    describe_gauge!("turnaround_jobs_queued", "Jobs that wait for a worker");
-    describe_gauge!("turnaround_jobs_running", "Jobs that a worker holds");
+    describe_gauge!("turnaround_jobs", "Stored jobs by state");
 }
 
 /// Counts and times a request. Routes are labels, not paths: ids would make a

@@ -16,6 +16,6 @@ pub use clock::{Clock, ManualClock, SystemClock};
 pub use sqlite::SqliteStore;
 pub use store::{JobStore, StoreError};
 pub use types::{
-    ArtifactEntry, Claim, Event, EventKind, Failure, Heartbeat, Job, JobChange, JobId, JobState,
-    ListQuery, NewJob, Page,
+    ArtifactEntry, Claim, Event, EventKind, Failure, Heartbeat, Job, JobChange, JobCounts, JobId,
+    JobState, ListQuery, NewJob, Page,
 };

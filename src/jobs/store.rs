@@ -5,8 +5,8 @@ use serde_json::Value;
 use tokio::sync::broadcast;
 
 use super::{
-    ArtifactEntry, Claim, Event, Failure, Heartbeat, Job, JobChange, JobId, JobState, ListQuery,
-    NewJob, Page,
+    ArtifactEntry, Claim, Event, Failure, Heartbeat, Job, JobChange, JobCounts, JobId, JobState,
+    ListQuery, NewJob, Page,
 };
 
 /// Why a store could not do what was asked.
@@ -114,6 +114,9 @@ pub trait JobStore: Send + Sync {
 
     /// Every job's name, for collecting bytes that belong to none.
     async fn ids(&self) -> Result<Vec<JobId>, StoreError>;
+
+    /// Stored jobs by state.
+    async fn counts(&self) -> Result<JobCounts, StoreError>;
 
     /// Jobs queued and running now.
     async fn depth(&self) -> Result<(u64, u64), StoreError>;

@@ -174,6 +174,16 @@ pub struct JobChange {
     pub version: u64,
 }
 
+/// How many jobs are stored in each state.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct JobCounts {
+    pub queued: u64,
+    pub running: u64,
+    pub succeeded: u64,
+    pub failed: u64,
+    pub cancelled: u64,
+}
+
 /// Which jobs to list, newest first.
 #[derive(Clone, Debug, Default)]
 pub struct ListQuery {

@@ -2,6 +2,9 @@ use std::collections::BTreeMap;
 
 use super::{Azimuth, SheetDocument, ViewDocument};
 
+const MAX_NAME_BYTES: usize = 200;
+const MAX_HOLES: usize = 1000;
+
 /// What a method asks of a sheet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SheetRequirements {
@@ -36,6 +39,8 @@ pub enum SheetProblem {
     InvalidNumber { place: String, value: f64, accepted: &'static str },
     #[error("{place} is empty; name a picture")]
     EmptyName { place: String },
+    #[error("{place} has {found} {unit}, over the limit of {limit}")]
+    TooLong { place: &'static str, found: usize, unit: &'static str, limit: usize },
     #[error(
         "views[{first}] and views[{second}] both have azimuth {azimuth}; give each angle once (360 and 0 are the same)"
     )]
@@ -83,6 +88,7 @@ pub fn check_document(
     if found > requirements.max_views {
         return Err(SheetProblem::TooManyViews { found, limit: requirements.max_views });
     }
+    check_lengths(document)?;
     check_numbers(document)?;
     let mut placed: BTreeMap<Azimuth, (usize, PlacedView)> = BTreeMap::new();
     for (index, view) in document.views.iter().enumerate() {
@@ -157,6 +163,20 @@ fn check_elevation(place: impl Fn() -> String, value: f64) -> Result<(), SheetPr
     if !(-90.0..=90.0).contains(&value) {
         let accepted = "an elevation from -90 to 90 degrees";
         return Err(SheetProblem::InvalidNumber { place: place(), value, accepted });
+    }
+    Ok(())
+}
+
+/// Descriptions are kept with the job and sent with every listing.
+fn check_lengths(document: &SheetDocument) -> Result<(), SheetProblem> {
+    let name_bytes = document.name.as_ref().map_or(0, String::len);
+    for (place, found, unit, limit) in [
+        ("name", name_bytes, "bytes", MAX_NAME_BYTES),
+        ("holes", document.holes.len(), "entries", MAX_HOLES),
+    ] {
+        if found > limit {
+            return Err(SheetProblem::TooLong { place, found, unit, limit });
+        }
     }
     Ok(())
 }

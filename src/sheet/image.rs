@@ -91,6 +91,9 @@ pub fn decode(bytes: &[u8], limits: &ImageLimits) -> Result<Drawing, ImageError>
     decoder_limits.max_alloc = Some(u64::from(width) * u64::from(height) * 32 + (1 << 20));
     reader.limits(decoder_limits);
     let decoded = reader.decode().map_err(damaged)?;
+    if format == ImageFormat::Jpeg && is_cut_jpeg(bytes) {
+        return Err(ImageError::Damaged("the end marker of the JPEG is missing".to_owned()));
+    }
     Ok(match decoded {
         DynamicImage::ImageLuma8(gray) => Drawing { gray, alpha: None },
         other => flatten(&other),
@@ -110,6 +113,22 @@ fn flatten(image: &DynamicImage) -> Drawing {
         GrayImage::from_fn(width, height, |x, y| image::Luma([rgba.get_pixel(x, y).0[3]]))
     });
     Drawing { gray, alpha }
+}
+
+/// Whether a JPEG has no end marker. The decoder fills what is missing with
+/// grey and says nothing.
+fn is_cut_jpeg(bytes: &[u8]) -> bool {
+    const END: [u8; 2] = [0xff, 0xd9];
+    const START_OF_SCAN: u8 = 0xda;
+    let mut at = 2;
+    // Past the segments before the picture: embedded previews end there too.
+    while let Some(&[0xff, marker, high, low]) = bytes.get(at..at + 4) {
+        if marker == START_OF_SCAN {
+            break;
+        }
+        at += if marker == 0xff { 1 } else { 2 + usize::from(u16::from_be_bytes([high, low])) };
+    }
+    !bytes.get(at..).is_some_and(|rest| rest.windows(2).any(|pair| pair == END))
 }
 
 fn damaged(error: DecodeError) -> ImageError {
@@ -172,8 +191,10 @@ mod tests {
         for format in [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::WebP, ImageFormat::Tiff] {
             let bytes = encode(gradient(), format);
             decode(&bytes, &ImageLimits::default()).unwrap();
-            let error = decode(&bytes[..bytes.len() / 2], &ImageLimits::default()).unwrap_err();
-            assert!(matches!(error, ImageError::Damaged(_)), "{format:?}: {error}");
+            for kept in [bytes.len() / 2, bytes.len() * 2 / 3, bytes.len() - 20] {
+                let error = decode(&bytes[..kept], &ImageLimits::default()).unwrap_err();
+                assert!(matches!(error, ImageError::Damaged(_)), "{format:?} {kept}: {error}");
+            }
         }
     }
 

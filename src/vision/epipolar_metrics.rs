@@ -103,6 +103,11 @@ pub fn optimal_correction(
     left: Point2<f64>,
     right: Point2<f64>,
 ) -> Option<OptimalCorrection> {
+    let finite = |values: &[f64]| values.iter().all(|value| value.is_finite());
+    if !(finite(f.as_slice()) && finite(left.coords.as_slice()) && finite(right.coords.as_slice()))
+    {
+        return None;
+    }
     let f = f.try_normalize(0.0)?;
     let at_origin = translation(right).transpose() * f * translation(left);
     let at_origin = at_origin.try_normalize(0.0)?;
@@ -505,5 +510,8 @@ mod tests {
         assert_eq!(smallest_absolute_eigenvalue(&Matrix3::repeat(f64::NAN)), None);
         assert_eq!(optimal_correction(&Matrix3::zeros(), origin, origin), None);
         assert_eq!(optimal_correction(&rank_one, origin, origin), None);
+        assert_eq!(optimal_correction(&Matrix3::repeat(f64::NAN), origin, origin), None);
+        let (f, _) = affine_pair();
+        assert_eq!(optimal_correction(&f, Point2::new(f64::NAN, 0.0), origin), None);
     }
 }

@@ -18,6 +18,7 @@ mod matching;
 mod rectification;
 mod rectification_metrics;
 mod similarity;
+pub mod surf;
 
 pub use cloud::{PartneredMap, ViewCloud, affine_depth, inverse_depth};
 pub use combine::mean_map;

@@ -7,8 +7,8 @@ use std::time::Duration;
 
 use serde_json::json;
 use turnaround::jobs::{
-    ArtifactEntry, Claim, Clock, Event, EventKind, Failure, Heartbeat, Job, JobId, JobState,
-    JobStore, ListQuery, ManualClock, NewJob, StoreError,
+    ArtifactEntry, Claim, Clock, Event, EventKind, Failure, Heartbeat, Job, JobCounts, JobId,
+    JobState, JobStore, ListQuery, ManualClock, NewJob, StoreError,
 };
 
 const LEASE: Duration = Duration::from_secs(30);
@@ -158,6 +158,8 @@ async fn a_job_goes_from_queued_to_succeeded(subject: &Subject) {
     assert_eq!(done.artifacts, artifacts());
     assert_eq!((done.finished_at, done.failure), (Some(subject.clock.now()), None));
     assert_eq!(store.depth().await.unwrap(), (0, 0));
+    let counts = JobCounts { succeeded: 1, ..JobCounts::default() };
+    assert_eq!(store.counts().await.unwrap(), counts);
     assert!(subject.claim().await.is_none());
 
     use EventKind::{Progress, Queued, Started, Succeeded};

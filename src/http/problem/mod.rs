@@ -19,7 +19,10 @@ const MAX_DETAIL_BYTES: usize = 600;
 
 /// An error on its way to the client.
 #[derive(Clone, Debug)]
-pub struct Problem {
+pub struct Problem(Box<Contents>);
+
+#[derive(Clone, Debug)]
+struct Contents {
     kind: ProblemType,
     detail: String,
     part: Option<String>,
@@ -68,28 +71,30 @@ pub struct ProblemDocument {
 
 impl Problem {
     pub fn new(kind: ProblemType, detail: impl Into<String>) -> Self {
-        Self {
+        Self(Box::new(Contents {
             kind,
             detail: shorten(detail.into()),
             part: None,
             parameter: None,
             errors: Vec::new(),
             headers: HeaderMap::new(),
-        }
+        }))
     }
 
     /// Names the part of the upload that is to blame.
-    pub fn part(self, part: impl Into<String>) -> Self {
-        Self { part: Some(part.into()), ..self }
+    pub fn part(mut self, part: impl Into<String>) -> Self {
+        self.0.part = Some(part.into());
+        self
     }
 
     /// Names the query parameter that is to blame.
-    pub fn parameter(self, parameter: impl Into<String>) -> Self {
-        Self { parameter: Some(parameter.into()), ..self }
+    pub fn parameter(mut self, parameter: impl Into<String>) -> Self {
+        self.0.parameter = Some(parameter.into());
+        self
     }
 
     pub fn header(mut self, name: HeaderName, value: impl Into<HeaderValue>) -> Self {
-        self.headers.insert(name, value.into());
+        self.0.headers.insert(name, value.into());
         self
     }
 
@@ -101,8 +106,10 @@ impl Problem {
             option: problem.option.clone(),
             detail: shorten(problem.detail.clone()),
         });
+        let mut problem = Self::new(kind, problems.to_string());
         // A list of hundreds helps nobody.
-        Self { errors: errors.take(50).collect(), ..Self::new(kind, problems.to_string()) }
+        problem.0.errors = errors.take(50).collect();
+        problem
     }
 
     /// A fault of the service: the cause goes to the log, not to the client.
@@ -124,15 +131,16 @@ impl Problem {
     }
 
     fn document(&self, instance: &str) -> ProblemDocument {
+        let Contents { kind, detail, part, parameter, errors, .. } = &*self.0;
         ProblemDocument {
-            kind: self.kind.uri(),
-            title: self.kind.title,
-            status: self.kind.status.as_u16(),
-            detail: self.detail.clone(),
+            kind: kind.uri(),
+            title: kind.title,
+            status: kind.status.as_u16(),
+            detail: detail.clone(),
             instance: instance.to_owned(),
-            part: self.part.clone(),
-            parameter: self.parameter.clone(),
-            errors: self.errors.clone(),
+            part: part.clone(),
+            parameter: parameter.clone(),
+            errors: errors.clone(),
         }
     }
 }
@@ -160,8 +168,8 @@ impl From<StoreError> for Problem {
 /// The body is written by [`render`], which knows the path.
 impl IntoResponse for Problem {
     fn into_response(self) -> Response {
-        let mut response = self.kind.status.into_response();
-        response.headers_mut().extend(self.headers.clone());
+        let mut response = self.0.kind.status.into_response();
+        response.headers_mut().extend(self.0.headers.clone());
         response.extensions_mut().insert(self);
         response
     }
@@ -183,16 +191,16 @@ mod tests {
     #[test]
     fn long_details_are_cut_between_characters() {
         let problem = Problem::new(INTERNAL, "ä".repeat(1000));
-        assert!(problem.detail.len() <= MAX_DETAIL_BYTES + '…'.len_utf8());
-        assert!(problem.detail.ends_with("ä…"));
+        assert!(problem.0.detail.len() <= MAX_DETAIL_BYTES + '…'.len_utf8());
+        assert!(problem.0.detail.ends_with("ä…"));
     }
 
     #[test]
     fn an_unknown_option_outranks_an_invalid_one() {
         let value = serde_json::json!({"disparity": {"block_size": 8}, "speed": 1});
         let problem = Problem::options(&crate::options::parse(&value).unwrap_err());
-        assert_eq!(problem.kind, UNKNOWN_OPTION);
-        let named: Vec<_> = problem.errors.iter().map(|e| e.option.as_str()).collect();
+        assert_eq!(problem.0.kind, UNKNOWN_OPTION);
+        let named: Vec<_> = problem.0.errors.iter().map(|e| e.option.as_str()).collect();
         assert!(named.contains(&"speed") && named.contains(&"disparity.block_size"), "{named:?}");
     }
 }

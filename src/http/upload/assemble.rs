@@ -8,7 +8,7 @@ use super::pictures::{Decoded, extension};
 use crate::http::HttpLimits;
 use crate::http::problem::{
     DIFFERING_SIZES, DUPLICATE_AZIMUTH, INVALID_ANGLE, INVALID_SHEET, MISSING_FILE, MISSING_PART,
-    Problem, TOO_FEW_VIEWS, TOO_MANY_VIEWS,
+    Problem, TOO_FEW_VIEWS, TOO_MANY_VIEWS, UNKNOWN_PART,
 };
 use crate::options::{self, Method, Options};
 use crate::sheet::{
@@ -147,7 +147,7 @@ impl Files {
                 "the sheet names no picture `{}`; only drawings and masks are taken",
                 file.file
             );
-            Err(Problem::new(crate::http::problem::UNKNOWN_PART, detail).part(&*file.file))
+            Err(Problem::new(UNKNOWN_PART, detail).part(&*file.file))
         })
     }
 }
@@ -189,7 +189,9 @@ fn sheet_problem(error: &SheetProblem) -> Problem {
         SheetProblem::InvalidAngle { .. } => INVALID_ANGLE,
         SheetProblem::DuplicateAzimuth { .. } => DUPLICATE_AZIMUTH,
         SheetProblem::DifferingSizes { .. } | SheetProblem::MaskSize { .. } => DIFFERING_SIZES,
-        SheetProblem::InvalidNumber { .. } | SheetProblem::EmptyName { .. } => INVALID_SHEET,
+        SheetProblem::InvalidNumber { .. }
+        | SheetProblem::EmptyName { .. }
+        | SheetProblem::TooLong { .. } => INVALID_SHEET,
     };
     Problem::new(kind, error.to_string())
 }
@@ -227,7 +229,11 @@ impl Assembled {
     ) -> Result<(SheetDocument, Vec<(String, Bytes)>), Problem> {
         let Self { mut document, options, views } = self;
         let mut decoded = decoded.iter();
-        let mut next = || decoded.next().copied().ok_or_else(|| Problem::internal("decode", &""));
+        let mut next = || {
+            decoded.next().copied().ok_or_else(|| {
+                Problem::internal("upload", &"fewer pictures were decoded than sent")
+            })
+        };
         let mut drawings = Vec::new();
         let mut inputs = Vec::new();
         for PicturedView { view, drawing, mask } in views {

@@ -75,7 +75,8 @@ impl Intake {
     /// the client still sends resets the connection, and the answer is lost.
     pub async fn drain(mut self) {
         self.held = None;
-        let mut left = self.limit;
+        // A body over its limit is likely to be about as large as that again.
+        let mut left = self.limit.saturating_mul(2);
         let _ = tokio::time::timeout(DRAIN_TIME, async {
             while let Some(Ok(chunk)) = self.body.next().await {
                 left = left.saturating_sub(chunk.len() as u64);

@@ -45,15 +45,16 @@ pub async fn receive(api: &Arc<Api>, request: Request) -> Result<Job, Problem> {
     let receiving = async {
         let (parts, hold) = read_parts(api, request).await?;
         let (document, inputs) = check(api, parts).await?;
-        let job = enqueue(api, document, inputs).await;
-        drop(hold);
-        job
+        Ok((document, inputs, hold))
     };
-    tokio::time::timeout(api.limits.upload_timeout, receiving).await.unwrap_or_else(|_| {
+    let received = tokio::time::timeout(api.limits.upload_timeout, receiving).await;
+    let (document, inputs, _hold) = received.unwrap_or_else(|_| {
         let seconds = api.limits.upload_timeout.as_secs();
         let detail = format!("the upload took longer than {seconds} s; send it again");
         Err(Problem::new(REQUEST_TIMEOUT, detail))
-    })
+    })?;
+    // Beyond the timeout: nobody is told that a job failed to come that did.
+    enqueue(api, document, inputs).await
 }
 
 async fn read_parts(

@@ -6,8 +6,8 @@ use super::intake::multipart_problem;
 use crate::http::HttpLimits;
 use crate::http::problem::{
     BODY_TOO_LARGE, CONFLICTING_PARTS, DUPLICATE_AZIMUTH, DUPLICATE_PART, EMPTY_FILE,
-    INVALID_ANGLE, INVALID_JSON, INVALID_PART_NAME, PART_TOO_LARGE, Problem, TOO_MANY_VIEWS,
-    UNKNOWN_PART,
+    INVALID_ANGLE, INVALID_JSON, INVALID_OPTION, INVALID_PART_NAME, PART_TOO_LARGE, Problem,
+    TOO_MANY_VIEWS, UNKNOWN_PART,
 };
 use crate::options;
 use crate::sheet::Azimuth;
@@ -151,7 +151,7 @@ impl Parts {
         for (part, value) in given.chain(self.fields.drain(..)) {
             if !value.is_object() {
                 let detail = "`options` must be a JSON object, nested by stage";
-                return Err(Problem::new(crate::http::problem::INVALID_OPTION, detail).part(part));
+                return Err(Problem::new(INVALID_OPTION, detail).part(part));
             }
             options::merge(&mut all, value);
         }

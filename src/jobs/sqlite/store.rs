@@ -7,8 +7,8 @@ use tokio::sync::broadcast;
 
 use super::super::record::{Ending, Record};
 use super::super::{
-    ArtifactEntry, Claim, Event, Failure, Heartbeat, Job, JobChange, JobId, JobState, JobStore,
-    ListQuery, NewJob, Page, StoreError,
+    ArtifactEntry, Claim, Event, Failure, Heartbeat, Job, JobChange, JobCounts, JobId, JobState,
+    JobStore, ListQuery, NewJob, Page, StoreError,
 };
 use super::{SqliteStore, backend, rows};
 
@@ -243,6 +243,28 @@ impl JobStore for SqliteStore {
             .await
             .map_err(backend)?;
         ids.iter().map(|id| id.parse().map_err(backend)).collect()
+    }
+
+    async fn counts(&self) -> Result<JobCounts, StoreError> {
+        let (queued, running, succeeded, failed, cancelled): (i64, i64, i64, i64, i64) =
+            sqlx::query_as(
+                "SELECT count(*) FILTER (WHERE state = 'queued'),
+                        count(*) FILTER (WHERE state = 'running'),
+                        count(*) FILTER (WHERE state = 'succeeded'),
+                        count(*) FILTER (WHERE state = 'failed'),
+                        count(*) FILTER (WHERE state = 'cancelled')
+                 FROM jobs",
+            )
+            .fetch_one(&self.readers)
+            .await
+            .map_err(backend)?;
+        Ok(JobCounts {
+            queued: queued.cast_unsigned(),
+            running: running.cast_unsigned(),
+            succeeded: succeeded.cast_unsigned(),
+            failed: failed.cast_unsigned(),
+            cancelled: cancelled.cast_unsigned(),
+        })
     }
 
     async fn depth(&self) -> Result<(u64, u64), StoreError> {

@@ -1,0 +1,133 @@
+use std::fs;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use anyhow::{Context, Result, anyhow};
+use clap::Args;
+use indicatif::ProgressBar;
+use serde_json::{Value, json};
+
+use super::azimuths::Azimuths;
+use super::failure::Failure;
+use crate::draw::{Artifact, DrawOptions, PreparedModel, draw_sheet};
+use crate::model_io::{self, Limits, Model, ModelFormat, UpAxis};
+use crate::models::ProceduralModel;
+use crate::options;
+
+#[derive(Args, Debug)]
+pub struct DrawArgs {
+    /// Model file (GLB, glTF, OBJ, PLY, STL), or builtin:NAME with NAME one of cube, cone,
+    /// sphere, torus_flat, torus_side, dude, objects, caped_figure, teapot
+    #[arg(value_name = "MODEL")]
+    model: Source,
+    /// Folder for the sheet; made if missing
+    #[arg(short, long, value_name = "DIR")]
+    output: PathBuf,
+    /// Views, degrees: 0,45,90 or FROM:TO:STEP
+    #[arg(long, value_name = "AZIMUTHS", default_value = "0:90:5")]
+    azimuths: Azimuths,
+    /// Which axis of the file points up, y or z; glTF has y, the others are read as z
+    #[arg(long, value_name = "AXIS")]
+    up_axis: Option<String>,
+    /// Imperfections as in drawings by hand: light, middle or heavy
+    #[arg(long, value_name = "PRESET")]
+    degrade: Option<String>,
+    /// Seed of the imperfections
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// A drawing option, such as line_width_px=2 or degrade.gap_share=0.1; repeatable
+    #[arg(long, value_name = "OPTION=VALUE")]
+    set: Vec<String>,
+}
+
+/// Where the model comes from.
+#[derive(Clone, Debug)]
+enum Source {
+    Builtin(ProceduralModel),
+    File(PathBuf),
+}
+
+impl FromStr for Source {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        match text.strip_prefix("builtin:") {
+            None => Ok(Self::File(text.into())),
+            Some(name) => ProceduralModel::from_name(name)
+                .map(Self::Builtin)
+                .ok_or_else(|| format!("there is no built-in model {name}")),
+        }
+    }
+}
+
+/// Draws a model sheet with its ground truth and writes it to a folder.
+pub fn run(args: &DrawArgs) -> Result<(), Failure> {
+    let options = chosen_options(args).map_err(Failure::Usage)?;
+    let model = load(args).map_err(Failure::Input)?;
+    let prepared = PreparedModel::new(&model).map_err(|error| Failure::Input(error.into()))?;
+    let bar = ProgressBar::new(args.azimuths.0.len() as u64);
+    let progress = |done: usize| {
+        bar.set_position(done as u64);
+        ControlFlow::Continue(())
+    };
+    let files = draw_sheet(&prepared, &args.azimuths.0, &options, &progress)
+        .map_err(|error| Failure::Input(error.into()))?;
+    bar.finish_and_clear();
+    write(&args.output, &files).map_err(Failure::Internal)?;
+    println!("{} views: {} files in {}", args.azimuths.0.len(), files.len(), args.output.display());
+    Ok(())
+}
+
+fn load(args: &DrawArgs) -> Result<Model> {
+    let path = match &args.model {
+        Source::Builtin(model) => return Ok(model.build()),
+        Source::File(path) => path,
+    };
+    let name = path.display();
+    let format = ModelFormat::from_file_name(&path.to_string_lossy()).with_context(|| {
+        format!("{name}: the name's ending is none of glb, gltf, obj, ply, stl")
+    })?;
+    let up_axis: Option<UpAxis> = args
+        .up_axis
+        .as_ref()
+        .map(|axis| serde_json::from_value(json!(axis)))
+        .transpose()
+        .context("--up-axis")?;
+    let size = fs::metadata(path).with_context(|| name.to_string())?.len();
+    let limits = Limits::default();
+    if size > limits.max_bytes as u64 {
+        return Err(anyhow!("{name} has {size} bytes, over the limit of {}", limits.max_bytes));
+    }
+    let bytes = fs::read(path).with_context(|| name.to_string())?;
+    model_io::load(&bytes, format, up_axis, &limits).with_context(|| name.to_string())
+}
+
+fn chosen_options(args: &DrawArgs) -> Result<DrawOptions> {
+    let mut chosen = json!({ "degrade": { "seed": args.seed } });
+    if let Some(preset) = &args.degrade {
+        options::merge(&mut chosen, json!({ "degrade": { "preset": preset } }));
+    }
+    for setting in &args.set {
+        let (option, value) = setting
+            .split_once('=')
+            .with_context(|| format!("--set {setting}: not OPTION=VALUE"))?;
+        options::merge(&mut chosen, options::nested(option.trim(), value.trim()));
+    }
+    let chosen: DrawOptions = parse(chosen)?;
+    chosen.check()?;
+    Ok(chosen)
+}
+
+fn parse(chosen: Value) -> Result<DrawOptions> {
+    serde_path_to_error::deserialize(chosen).context("drawing options")
+}
+
+fn write(folder: &Path, files: &[Artifact]) -> Result<()> {
+    fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+    for file in files {
+        let path = folder.join(&file.name);
+        fs::write(&path, &file.bytes).with_context(|| path.display().to_string())?;
+    }
+    Ok(())
+}

@@ -1,0 +1,163 @@
+use std::io::Cursor;
+
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use image::{DynamicImage, ImageBuffer, Luma};
+
+use super::{DrawError, FloatMap};
+use crate::sheet::Azimuth;
+
+/// A file of a drawn sheet.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Artifact {
+    pub name: String,
+    pub media_type: &'static str,
+    pub bytes: Vec<u8>,
+}
+
+/// The files of a drawn sheet. Azimuths are written as the shortest decimal with three digits
+/// before the point: `view_000.png`, `view_022.5.png`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ArtifactKind {
+    /// The drawing.
+    View(Azimuth),
+    /// Its strokes as vectors.
+    Strokes(Azimuth),
+    /// Distance from the camera plane, 16 bits; 0 is background.
+    Depth(Azimuth),
+    /// The same in scene units, NaN is background.
+    DepthFloat(Azimuth),
+    /// The dissertation's depth: inverted, normalised to 8 bits.
+    InverseDepth(Azimuth),
+    Mask(Azimuth),
+    Normals(Azimuth),
+    /// Disparity of the first view towards the second, pixels.
+    Disparity(Azimuth, Azimuth),
+    /// The document that describes the sheet.
+    Sheet,
+    /// All views on one page.
+    Page,
+    /// The model as it was drawn.
+    Model,
+    /// What was made imperfect, and how much.
+    Degradation,
+}
+
+impl ArtifactKind {
+    pub fn name(self) -> String {
+        match self {
+            Self::View(azimuth) => format!("view_{}.png", padded(azimuth)),
+            Self::Strokes(azimuth) => format!("view_{}.svg", padded(azimuth)),
+            Self::Depth(azimuth) => format!("depth_{}.png", padded(azimuth)),
+            Self::DepthFloat(azimuth) => format!("depth_{}.pfm", padded(azimuth)),
+            Self::InverseDepth(azimuth) => format!("inverse_depth_{}.png", padded(azimuth)),
+            Self::Mask(azimuth) => format!("mask_{}.png", padded(azimuth)),
+            Self::Normals(azimuth) => format!("normals_{}.png", padded(azimuth)),
+            Self::Disparity(from, to) => format!("disparity_{}_{}.pfm", padded(from), padded(to)),
+            Self::Sheet => "sheet.json".to_owned(),
+            Self::Page => "page.png".to_owned(),
+            Self::Model => "model.obj".to_owned(),
+            Self::Degradation => "degradation.json".to_owned(),
+        }
+    }
+
+    fn media_type(self) -> &'static str {
+        match self {
+            Self::View(_)
+            | Self::Depth(_)
+            | Self::InverseDepth(_)
+            | Self::Mask(_)
+            | Self::Normals(_)
+            | Self::Page => "image/png",
+            Self::Strokes(_) => "image/svg+xml",
+            Self::DepthFloat(_) | Self::Disparity(..) => "application/octet-stream",
+            Self::Sheet | Self::Degradation => "application/json",
+            Self::Model => "model/obj",
+        }
+    }
+
+    pub(super) fn with(self, bytes: Vec<u8>) -> Artifact {
+        Artifact { name: self.name(), media_type: self.media_type(), bytes }
+    }
+
+    pub(super) fn with_image(self, image: &DynamicImage) -> Result<Artifact, DrawError> {
+        Ok(self.with(png(image).map_err(|error| self.failed(&error))?))
+    }
+
+    pub(super) fn with_json(self, document: &impl serde::Serialize) -> Result<Artifact, DrawError> {
+        let mut bytes = serde_json::to_vec_pretty(document).map_err(|error| self.failed(&error))?;
+        bytes.push(b'\n');
+        Ok(self.with(bytes))
+    }
+
+    fn failed(self, error: &dyn std::error::Error) -> DrawError {
+        DrawError::Encoding { name: self.name(), reason: error.to_string() }
+    }
+}
+
+fn padded(azimuth: Azimuth) -> String {
+    let text = azimuth.to_string();
+    let digits = text.find('.').unwrap_or(text.len());
+    format!("{}{text}", "0".repeat(3_usize.saturating_sub(digits)))
+}
+
+fn png(image: &DynamicImage) -> image::ImageResult<Vec<u8>> {
+    let mut bytes = Cursor::new(Vec::new());
+    let encoder =
+        PngEncoder::new_with_quality(&mut bytes, CompressionType::Fast, FilterType::Adaptive);
+    image.write_with_encoder(encoder)?;
+    Ok(bytes.into_inner())
+}
+
+/// Portable float map: little-endian, bottom row first.
+pub(super) fn pfm(map: &FloatMap) -> Vec<u8> {
+    let mut bytes = format!("Pf\n{} {}\n-1.0\n", map.width(), map.height()).into_bytes();
+    bytes.reserve(4 * map.as_raw().len());
+    for row in map.as_raw().chunks(map.width().max(1) as usize).rev() {
+        row.iter().for_each(|value| bytes.extend(value.to_le_bytes()));
+    }
+    bytes
+}
+
+/// Depth in counts; background is 0.
+pub(super) fn depth_counts(depth: &FloatMap, counts_per_unit: f64) -> DynamicImage {
+    let counts = depth.as_raw().iter().map(|&depth| {
+        if depth.is_finite() {
+            (f64::from(depth) * counts_per_unit).round().clamp(1.0, 65535.0) as u16
+        } else {
+            0
+        }
+    });
+    let counts: Vec<u16> = counts.collect();
+    let image = ImageBuffer::<Luma<u16>, _>::from_raw(depth.width(), depth.height(), counts);
+    image.map_or_else(|| DynamicImage::new_luma16(0, 0), DynamicImage::ImageLuma16)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_sort_by_azimuth_and_keep_its_decimals() {
+        let name = |degrees| ArtifactKind::View(Azimuth::from_degrees(degrees).unwrap()).name();
+        assert_eq!(name(0.0), "view_000.png");
+        assert_eq!(name(22.5), "view_022.5.png");
+        assert_eq!(name(315.0), "view_315.png");
+    }
+
+    #[test]
+    fn a_float_map_begins_with_its_bottom_row() {
+        let map = FloatMap::from_raw(1, 2, vec![1.0, f32::NAN]).unwrap();
+        let bytes = pfm(&map);
+        let header = b"Pf\n1 2\n-1.0\n";
+        assert!(bytes.starts_with(header));
+        assert!(f32::from_le_bytes(bytes[header.len()..][..4].try_into().unwrap()).is_nan());
+        assert_eq!(bytes[header.len() + 4..], 1.0_f32.to_le_bytes());
+    }
+
+    #[test]
+    fn depth_counts_keep_the_background_apart() {
+        let map = FloatMap::from_raw(3, 1, vec![f32::NAN, 1e-9, 6.224]).unwrap();
+        let counts = depth_counts(&map, 4096.0).into_luma16();
+        assert_eq!(counts.as_raw(), &[0, 1, 25494]);
+    }
+}

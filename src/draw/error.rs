@@ -1,0 +1,29 @@
+/// Why a model cannot be drawn as asked.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum DrawError {
+    #[error("the model has no triangle with an area")]
+    NoTriangles,
+    #[error("triangle {triangle} has an index out of range or a coordinate that is not finite")]
+    InvalidModel { triangle: usize },
+    #[error("{option} is {value}; it must be between {min} and {max}")]
+    OptionOutOfRange { option: &'static str, value: f64, min: f64, max: f64 },
+    #[error("size and supersampling ask for {found} samples; at most {limit} are computed")]
+    TooManySamples { found: u64, limit: u64 },
+    #[error(
+        "the model reaches {radius} units from the turntable axis, beyond the camera at \
+         {distance}; scale it, move the camera back, or let it be fitted"
+    )]
+    CameraInsideModel { radius: f64, distance: f64 },
+    #[error("the model's triangles hide each other too often: over {limit} samples in one view")]
+    TooComplex { limit: u64 },
+    #[error("a sheet needs at least one view")]
+    NoViews,
+    #[error("{found} views are asked for; at most {limit} are drawn")]
+    TooManyViews { found: usize, limit: usize },
+    #[error("the view at {azimuth_deg} degrees is asked for twice")]
+    DuplicateView { azimuth_deg: f64 },
+    #[error("the drawing was cancelled")]
+    Cancelled,
+    #[error("{name} could not be encoded: {reason}")]
+    Encoding { name: String, reason: String },
+}

@@ -1,0 +1,30 @@
+//! How good a result is, measured against what is known to be true.
+//!
+//! The one place that defines the quality metrics: the service, the command
+//! line and the study report what these functions return. Pure functions of
+//! decoded data; nothing is fitted or aligned to the truth.
+
+mod boundary;
+mod grey;
+mod occupancy;
+mod pfm;
+mod silhouette;
+mod solid;
+mod statistics;
+mod surface;
+mod truth;
+mod view;
+mod winding;
+
+pub use grey::GreyBad2;
+pub use pfm::PfmError;
+pub use silhouette::{HoleReport, SilhouetteError, SilhouetteReport, compare_silhouettes};
+pub use solid::{SolidError, SolidOptions, SolidReport, SolidTruth};
+pub use statistics::pearson_correlation;
+pub use surface::SurfaceReport;
+pub use truth::{DepthScale, RawTruth, TruthEncoding, TruthError, decode_truth};
+pub use view::{
+    FloatImage, PxBad2, REFERENCE_PAIR_DEG, ViewEvaluationError, ViewReport, ViewTruth,
+    disparity_from_depth, disparity_from_pair, evaluate_view,
+};
+pub use winding::WindingField;

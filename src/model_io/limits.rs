@@ -1,0 +1,32 @@
+use super::ModelError;
+
+/// How large a model may be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Limits {
+    pub max_bytes: usize,
+    pub max_vertices: usize,
+    pub max_triangles: usize,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self { max_bytes: 256 << 20, max_vertices: 4_000_000, max_triangles: 4_000_000 }
+    }
+}
+
+impl Limits {
+    pub(super) fn check_bytes(&self, found: usize) -> Result<(), ModelError> {
+        let limit = self.max_bytes;
+        (found <= limit).then_some(()).ok_or(ModelError::TooManyBytes { found, limit })
+    }
+
+    pub(super) fn check_vertices(&self, found: usize) -> Result<(), ModelError> {
+        let limit = self.max_vertices;
+        (found <= limit).then_some(()).ok_or(ModelError::TooManyVertices { found, limit })
+    }
+
+    pub(super) fn check_triangles(&self, found: usize) -> Result<(), ModelError> {
+        let limit = self.max_triangles;
+        (found <= limit).then_some(()).ok_or(ModelError::TooManyTriangles { found, limit })
+    }
+}
