@@ -1,5 +1,8 @@
+use std::cell::Cell;
+
 use nalgebra::{Point2, Point3};
 
+use super::DrawError;
 use super::bvh::{Bvh, TriangleTree, ViewBox};
 use super::features::{Host, LineKind, Segment, ViewedModel};
 
@@ -11,6 +14,9 @@ const DEPTH_TOLERANCE_PX: f64 = 0.02;
 /// that meet right in front of it, as rings of a level view do.
 const OVERLAP_PX: f64 = 1e-4;
 
+/// Pairs of lines and triangles that one view may compare: some seconds' work.
+const MAX_VISITED: u64 = 1 << 28;
+
 /// Finds what of the lines is seen.
 ///
 /// Exact up to rounding: over every triangle in front of it, the part of a segment that the
@@ -18,6 +24,8 @@ const OVERLAP_PX: f64 = 1e-4;
 pub(super) struct Visibility<'a> {
     viewed: &'a ViewedModel<'a>,
     tree: Bvh<'a>,
+    /// Triangles looked at so far.
+    visited: Cell<u64>,
 }
 
 impl<'a> Visibility<'a> {
@@ -29,7 +37,17 @@ impl<'a> Visibility<'a> {
         Self {
             viewed,
             tree: tree.over(boxes),
+            visited: Cell::new(0),
         }
+    }
+
+    /// # Errors
+    /// [`DrawError::TooComplex`] once more was compared than a drawing needs.
+    pub fn check_work(&self) -> Result<(), DrawError> {
+        if self.visited.get() > MAX_VISITED {
+            return Err(DrawError::TooComplex { limit: MAX_VISITED });
+        }
+        Ok(())
     }
 
     /// The visible parts of a segment as intervals of its parameter, ascending.
@@ -39,6 +57,7 @@ impl<'a> Visibility<'a> {
         let place = ViewBox::of(&[p, q]);
         let farthest = p.z.max(q.z);
         self.tree.visit(&place, farthest, |face| {
+            self.visited.set(self.visited.get() + 1);
             if !self.hosts(segment.host, face) {
                 hidden.extend(hidden_part(p, q, self.viewed.corners(face as usize)));
             }
@@ -86,6 +105,7 @@ impl<'a> Visibility<'a> {
         let place = ViewBox::of(&[Point3::new(point.x, point.y, 0.0)]);
         let mut covered = false;
         self.tree.visit(&place, f64::INFINITY, |face| {
+            self.visited.set(self.visited.get() + 1);
             covered = contains(self.viewed.corners(face as usize), point);
             !covered
         });
