@@ -1,6 +1,7 @@
 use nalgebra::Point2;
 
 use super::*;
+use crate::draw::{DegradeOptions, DegradePreset};
 
 fn line(kind: LineKind, length: f64) -> Stroke {
     Stroke {

@@ -14,7 +14,9 @@ pub enum DrawError {
          {distance}; scale it, move the camera back, or let it be fitted"
     )]
     CameraInsideModel { radius: f64, distance: f64 },
-    #[error("the model's triangles hide each other too often: over {limit} samples in one view")]
+    #[error(
+        "the model's triangles hide each other too often: over {limit} comparisons in one view"
+    )]
     TooComplex { limit: u64 },
     #[error("a sheet needs at least one view")]
     NoViews,

@@ -2,7 +2,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::DrawError;
-use super::degrade::DegradeOptions;
+use super::degrade_options::DegradeOptions;
 
 /// How a model is drawn. The defaults are the dissertation's (METHOD.md, section 7).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -3,13 +3,13 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use image::DynamicImage;
 use rayon::prelude::*;
-use serde::Serialize;
 
 use super::artifacts::{Artifact, ArtifactKind, depth_counts, pfm};
+use super::documents::{DegradationDocument, SheetDocument};
 use super::page::{InkBounds, PageView, compose_page};
 use super::svg::svg;
 use super::truth::{disparity_towards, normalised_inverse_depth};
-use super::{Degradation, DrawError, DrawOptions, Drawer, DrawnView, PreparedModel, ViewError};
+use super::{DrawError, DrawOptions, Drawer, DrawnView, PreparedModel, ViewError};
 use crate::sheet::Azimuth;
 
 /// Views of one sheet.
@@ -199,7 +199,10 @@ fn finished_sheet(
 ) -> Result<Vec<Artifact>, DrawError> {
     let azimuths: Vec<_> = views.iter().map(|view| view.page_view.azimuth).collect();
     let document = SheetDocument::new(&azimuths, options, depth_scale);
-    let degradation = DegradationDocument::new(&views, options);
+    let errors = views
+        .iter()
+        .filter_map(|view| Some((view.page_view.azimuth, view.error?)));
+    let degradation = DegradationDocument::new(errors, options);
     let (mut artifacts, mut page_views) = (Vec::new(), Vec::new());
     for view in views {
         artifacts.extend(view.files);
@@ -213,83 +216,4 @@ fn finished_sheet(
     }
     artifacts.push(ArtifactKind::Sheet.with_json(&document)?);
     Ok(artifacts)
-}
-
-/// `sheet.json`: what a reconstruction takes, with the truth for its evaluation.
-#[derive(Serialize)]
-struct SheetDocument {
-    width: u32,
-    height: u32,
-    pixels_per_unit: f64,
-    elevation_deg: f64,
-    views: Vec<ViewEntry>,
-    truth: TruthEntry,
-}
-
-#[derive(Serialize)]
-struct ViewEntry {
-    azimuth_deg: f64,
-    image: String,
-    depth: String,
-}
-
-#[derive(Serialize)]
-struct TruthEntry {
-    model: String,
-    depth_counts_per_unit: f64,
-    /// Depth of the origin.
-    camera_distance: f64,
-}
-
-impl SheetDocument {
-    fn new(azimuths: &[Azimuth], options: &DrawOptions, depth_scale: f64) -> Self {
-        let entry = |&azimuth: &Azimuth| ViewEntry {
-            azimuth_deg: azimuth.degrees(),
-            image: ArtifactKind::View(azimuth).name(),
-            depth: ArtifactKind::Depth(azimuth).name(),
-        };
-        Self {
-            width: options.width_px,
-            height: options.height_px,
-            pixels_per_unit: options.pixels_per_unit(),
-            elevation_deg: options.elevation_deg,
-            views: azimuths.iter().map(entry).collect(),
-            truth: TruthEntry {
-                model: ArtifactKind::Model.name(),
-                depth_counts_per_unit: depth_scale,
-                camera_distance: options.distance / options.elevation_deg.to_radians().cos(),
-            },
-        }
-    }
-}
-
-/// `degradation.json`: kept apart from the sheet, which states what an artist would.
-#[derive(Serialize)]
-struct DegradationDocument {
-    seed: u64,
-    limits: Degradation,
-    views: Vec<ViewErrorEntry>,
-}
-
-#[derive(Serialize)]
-struct ViewErrorEntry {
-    azimuth_deg: f64,
-    #[serde(flatten)]
-    error: ViewError,
-}
-
-impl DegradationDocument {
-    fn new(views: &[ViewFiles], options: &DrawOptions) -> Option<Self> {
-        let entries = views.iter().filter_map(|view| {
-            Some(ViewErrorEntry {
-                azimuth_deg: view.page_view.azimuth.degrees(),
-                error: view.error?,
-            })
-        });
-        Some(Self {
-            seed: options.degrade.seed,
-            limits: options.degrade.resolved(options.line_width_px)?,
-            views: entries.collect(),
-        })
-    }
 }

@@ -7,8 +7,9 @@ use super::bvh::TriangleTree;
 use super::camera::Camera;
 use super::chain::{Piece, Stroke, chain};
 use super::degrade::{Degradation, ViewError, view_random};
-use super::features::{LineRules, Node, Segment, ViewedModel};
+use super::features::{Node, Segment, ViewedModel};
 use super::ink::ink_coverage;
+use super::rules::LineRules;
 use super::truth::{GroundTruth, ground_truth};
 use super::visibility::Visibility;
 use super::{Background, DrawError, DrawOptions, PreparedModel};
@@ -69,7 +70,7 @@ impl<'a> Drawer<'a> {
             None => camera,
             Some(error) => self.misplaced(azimuth, error),
         };
-        let mut strokes = self.strokes(&drawn_from);
+        let mut strokes = self.strokes(&drawn_from)?;
         if let Some(degradation) = &self.degradation {
             strokes = degradation.redraw(&strokes, &mut random);
         }
@@ -97,18 +98,19 @@ impl<'a> Drawer<'a> {
     }
 
     /// The visible lines, joined into strokes.
-    fn strokes(&self, camera: &Camera) -> Vec<Stroke> {
+    fn strokes(&self, camera: &Camera) -> Result<Vec<Stroke>, DrawError> {
         let viewed = ViewedModel::new(self.model, camera);
         let visibility = Visibility::new(&viewed, &self.tree);
         let mut pieces = Vec::new();
         for segment in viewed.segments(camera, &self.rules) {
+            visibility.check_work()?;
             for part in visibility.visible_parts(&segment) {
                 let kind = visibility.resolved_kind(&segment, part);
                 let ends = piece_ends(&segment, part, pieces.len() as u32);
                 pieces.push(Piece { kind, ends });
             }
         }
-        chain(&pieces)
+        Ok(chain(&pieces))
     }
 }
 

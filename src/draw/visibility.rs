@@ -1,5 +1,8 @@
+use std::cell::Cell;
+
 use nalgebra::{Point2, Point3};
 
+use super::DrawError;
 use super::bvh::{Bvh, TriangleTree, ViewBox};
 use super::features::{Host, LineKind, Segment, ViewedModel};
 
@@ -11,6 +14,9 @@ const DEPTH_TOLERANCE_PX: f64 = 0.02;
 /// that meet right in front of it, as rings of a level view do.
 const OVERLAP_PX: f64 = 1e-4;
 
+/// Pairs of lines and triangles that one view may compare: some seconds' work.
+const MAX_VISITED: u64 = 1 << 28;
+
 /// Finds what of the lines is seen.
 ///
 /// Exact up to rounding: over every triangle in front of it, the part of a segment that the
@@ -18,13 +24,30 @@ const OVERLAP_PX: f64 = 1e-4;
 pub(super) struct Visibility<'a> {
     viewed: &'a ViewedModel<'a>,
     tree: Bvh<'a>,
+    /// Triangles looked at so far.
+    visited: Cell<u64>,
 }
 
 impl<'a> Visibility<'a> {
     pub fn new(viewed: &'a ViewedModel<'a>, tree: &'a TriangleTree) -> Self {
         let faces = 0..viewed.model.mesh.triangles.len();
-        let boxes = faces.map(|face| ViewBox::of(&viewed.corners(face))).collect();
-        Self { viewed, tree: tree.over(boxes) }
+        let boxes = faces
+            .map(|face| ViewBox::of(&viewed.corners(face)))
+            .collect();
+        Self {
+            viewed,
+            tree: tree.over(boxes),
+            visited: Cell::new(0),
+        }
+    }
+
+    /// # Errors
+    /// [`DrawError::TooComplex`] once more was compared than a drawing needs.
+    pub fn check_work(&self) -> Result<(), DrawError> {
+        if self.visited.get() > MAX_VISITED {
+            return Err(DrawError::TooComplex { limit: MAX_VISITED });
+        }
+        Ok(())
     }
 
     /// The visible parts of a segment as intervals of its parameter, ascending.
@@ -34,10 +57,13 @@ impl<'a> Visibility<'a> {
         let place = ViewBox::of(&[p, q]);
         let farthest = p.z.max(q.z);
         self.tree.visit(&place, farthest, |face| {
+            self.visited.set(self.visited.get() + 1);
             if !self.hosts(segment.host, face) {
                 hidden.extend(hidden_part(p, q, self.viewed.corners(face as usize)));
             }
-            hidden.last().is_none_or(|&[from, to]| from > 0.0 || to < 1.0)
+            hidden
+                .last()
+                .is_none_or(|&[from, to]| from > 0.0 || to < 1.0)
         });
         complement(hidden, (q - p).xy().norm())
     }
@@ -67,7 +93,11 @@ impl<'a> Visibility<'a> {
         let [p, q] = [segment.ends[0].1, segment.ends[1].1];
         let middle = p + (q - p) * ((from + to) / 2.0);
         let beyond = middle.xy() + segment.outward * BEYOND_PX;
-        if self.covers(beyond) { segment.kind } else { LineKind::Silhouette }
+        if self.covers(beyond) {
+            segment.kind
+        } else {
+            LineKind::Silhouette
+        }
     }
 
     /// Whether any triangle lies over a point of the picture.
@@ -75,6 +105,7 @@ impl<'a> Visibility<'a> {
         let place = ViewBox::of(&[Point3::new(point.x, point.y, 0.0)]);
         let mut covered = false;
         self.tree.visit(&place, f64::INFINITY, |face| {
+            self.visited.set(self.visited.get() + 1);
             covered = contains(self.viewed.corners(face as usize), point);
             !covered
         });
@@ -93,7 +124,9 @@ fn hidden_part(p: Point3<f64>, q: Point3<f64>, [a, b, c]: [Point3<f64>; 3]) -> O
     let area = (b - a).xy().perp(&(c - a).xy());
     let longest = [(b - a), (c - b), (a - c)]
         .iter()
-        .fold(0.0_f64, |longest, side| longest.max(side.xy().norm_squared()));
+        .fold(0.0_f64, |longest, side| {
+            longest.max(side.xy().norm_squared())
+        });
     // Seen edge-on, a triangle hides nothing, and its depth has no slope.
     if area.abs() <= 1e-9 * longest {
         return None;
