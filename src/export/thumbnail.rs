@@ -52,7 +52,7 @@ fn render(mesh: &Mesh, azimuth_rad: f64) -> GrayImage {
 fn fill(picture: &mut GrayImage, depths: &mut [f64], [a, b, c]: [Point3<f64>; 3]) {
     let side = picture.width();
     let area = (b - a).xy().perp(&(c - a).xy());
-    if !(area.abs() > 1e-12) {
+    if area.is_nan() || area.abs() <= 1e-12 {
         return;
     }
     let grey = shade((b - a).cross(&(c - a)));

@@ -96,7 +96,7 @@ fn distinct_nearest(
         let rival = candidates.get(1).ok();
         rival
             .is_none_or(|second| best.distance < ratio * second.distance)
-            .then(|| (best.query_idx as usize, best.train_idx as usize))
+            .then_some((best.query_idx as usize, best.train_idx as usize))
     });
     Ok(distinct.collect())
 }

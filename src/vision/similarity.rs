@@ -181,8 +181,7 @@ fn mean(points: &[Point3<f64>]) -> Vector3<f64> {
 fn is_collinear(scatter: &Matrix3<f64>) -> bool {
     let mut spread = scatter.symmetric_eigenvalues();
     spread.as_mut_slice().sort_by(f64::total_cmp);
-    // Negated so that NaN counts as collinear.
-    !(spread[1] > COLLINEAR_RATIO * COLLINEAR_RATIO * spread[2])
+    spread[1].is_nan() || spread[1] <= COLLINEAR_RATIO * COLLINEAR_RATIO * spread[2]
 }
 
 #[cfg(test)]
