@@ -53,8 +53,7 @@ impl<'a> Visibility<'a> {
         self.tree.visit(&place, farthest, |face| {
             self.visited.set(self.visited.get() + 1);
             if !self.hosts(segment.host, face) {
-                let overlap_px = if self.touches(segment.host, face) { 0.0 } else { OVERLAP_PX };
-                hidden.extend(hidden_part(p, q, self.viewed.corners(face as usize), overlap_px));
+                hidden.extend(hidden_part(p, q, self.viewed.corners(face as usize)));
             }
             hidden.last().is_none_or(|&[from, to]| from > 0.0 || to < 1.0)
         });
@@ -74,17 +73,6 @@ impl<'a> Visibility<'a> {
                 own.iter().any(|vertex| other.contains(vertex))
             }
         }
-    }
-
-    /// Whether a triangle shares a vertex with the segment's edge: it then hides nothing beyond
-    /// its sides, which would cut a little off the segment where they meet.
-    fn touches(&self, host: Host, face: u32) -> bool {
-        let Host::Edge(edge) = host else {
-            return false;
-        };
-        let triangle = self.viewed.model.mesh.triangles[face as usize];
-        let ends = self.viewed.model.edges[edge as usize].vertices;
-        ends.iter().any(|vertex| triangle.contains(vertex))
     }
 
     /// Splits a visible part into silhouettes, the contours and borders with nothing beyond them,
@@ -154,14 +142,8 @@ fn contains([a, b, c]: [Point3<f64>; 3], point: Point2<f64>) -> bool {
     sides.iter().all(|&s| s >= 0.0) || sides.iter().all(|&s| s <= 0.0)
 }
 
-/// The interval of the segment p-q that lies behind a triangle, or beyond its sides by at most
-/// `overlap_px`.
-fn hidden_part(
-    p: Point3<f64>,
-    q: Point3<f64>,
-    [a, b, c]: [Point3<f64>; 3],
-    overlap_px: f64,
-) -> Option<[f64; 2]> {
+/// The interval of the segment p-q that lies behind a triangle, or just beyond its sides.
+fn hidden_part(p: Point3<f64>, q: Point3<f64>, [a, b, c]: [Point3<f64>; 3]) -> Option<[f64; 2]> {
     let area = (b - a).xy().perp(&(c - a).xy());
     let longest = [(b - a), (c - b), (a - c)]
         .iter()
@@ -170,6 +152,9 @@ fn hidden_part(
     if area.abs() <= 1e-9 * longest {
         return None;
     }
+    // A sliver's tip reaches far beyond its sides: the overlap shrinks with its height.
+    let height_px = area.abs() / longest.sqrt();
+    let overlap_px = OVERLAP_PX * height_px.min(1.0);
     let mut interval = [0.0, 1.0];
     for [from, to] in [[a, b], [b, c], [c, a]] {
         let along = (to - from).xy();
