@@ -14,13 +14,27 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("vision", &["geometry", "options", "sheet"]),
     ("pipeline", &["geometry", "options", "sheet", "vision"]),
     ("export", &["geometry", "options", "pipeline", "sheet", "vision"]),
+    ("model_io", &["geometry"]),
+    ("models", &["geometry", "model_io"]),
+    ("draw", &["geometry", "model_io", "models", "sheet"]),
+    ("evaluation", &["geometry", "sheet"]),
     ("draft", &["export", "geometry", "options", "pipeline", "sheet"]),
     ("worker", &["artifacts", "draft", "export", "jobs", "options", "pipeline", "sheet"]),
     ("http", &["artifacts", "draft", "jobs", "options", "pipeline", "sheet"]),
 ];
 
 /// Modules that compute and do nothing else.
-const PURE: &[&str] = &["geometry", "vision", "pipeline", "export", "options"];
+const PURE: &[&str] = &[
+    "geometry",
+    "vision",
+    "pipeline",
+    "export",
+    "options",
+    "model_io",
+    "models",
+    "draw",
+    "evaluation",
+];
 
 /// What a pure module never names.
 const IMPURE: &[&str] = &[
