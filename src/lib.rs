@@ -5,3 +5,4 @@
 
 pub mod geometry;
 pub mod sheet;
+pub mod turntable;
