@@ -118,6 +118,20 @@ pub fn estimate(
     options: &DepthOptions,
     on_stage: &dyn Fn(DepthStage) -> ControlFlow<()>,
 ) -> Result<Vec<ViewDepth>, DepthError> {
+    estimate_some(views, silhouettes, options, on_stage, |_| true)
+}
+
+/// [`estimate`] for the views that are `wanted`, with the lines of all.
+///
+/// # Errors
+/// As [`estimate`].
+pub fn estimate_some(
+    views: &ViewSet,
+    silhouettes: &Silhouettes,
+    options: &DepthOptions,
+    on_stage: &dyn Fn(DepthStage) -> ControlFlow<()>,
+    wanted: impl Fn(Azimuth) -> bool,
+) -> Result<Vec<ViewDepth>, DepthError> {
     let stage = |stage| match on_stage(stage) {
         ControlFlow::Continue(()) => Ok(()),
         ControlFlow::Break(()) => Err(DepthError::Cancelled(stage)),
@@ -137,7 +151,9 @@ pub fn estimate(
     let lines = line_depths(&line_views);
     stage(DepthStage::Surfaces)?;
     let cloud = PointCloud::new(&line_views, &lines);
-    let maps = (0..drawings.len())
+    let wanted: Vec<usize> =
+        (0..drawings.len()).filter(|&index| wanted(views.views()[index].azimuth)).collect();
+    let maps = wanted
         .into_par_iter()
         .map(|index| {
             let has_neighbours =

@@ -29,6 +29,8 @@ const BULGE_WEIGHT: f32 = 0.3;
 pub struct Hint {
     pub weight: f32,
     pub depth_px: f32,
+    /// Depth per column of the surface, where it is known.
+    pub slope: Option<f32>,
 }
 
 /// The equations of one view, solved again as hints change.
@@ -40,6 +42,12 @@ pub struct Fill<'a> {
     /// Per node: the lines' weight and weighted depth.
     lines: Vec<(f32, f32)>,
     membrane: Vec<f32>,
+    /// Links to the right that are not cut.
+    right_links: Vec<(u32, u32)>,
+    /// Per node: on a contour, where the bulge has the right slope.
+    on_contour: Vec<bool>,
+    /// How much steeper, per column, the surface is than membrane and bulge.
+    tilt: Vec<f32>,
 }
 
 impl<'a> Fill<'a> {
@@ -84,13 +92,54 @@ impl<'a> Fill<'a> {
         } else {
             0.0
         };
+        let same_row = |link: &&Link| {
+            let row = |node: u32| graph.positions[node as usize].1;
+            row(link.a) == row(link.b) && link.weight > LEAK
+        };
+        let mut on_contour = vec![false; graph.nodes()];
+        for (index, crossing) in contours.crossings.iter().enumerate() {
+            if owners[index].is_some() && !lines.rho_px[index].is_nan() {
+                graph.node_at(crossing).into_iter().for_each(|node| on_contour[node] = true);
+            }
+        }
         Self {
             membrane: vec![start; graph.nodes()],
+            tilt: vec![0.0; graph.nodes()],
+            right_links: links.iter().filter(same_row).map(|link| (link.a, link.b)).collect(),
+            on_contour,
             graph,
             hierarchy,
             bulge_px,
             lines: stamped,
         }
+    }
+
+    /// Spreads the difference between known slopes and the bulge's.
+    fn spread_tilt(&mut self, hints: &[Hint]) {
+        const TILT_WEIGHT: f32 = 0.5;
+        const TILT_PRIOR: f32 = 1e-5;
+        const MAX_TILT: f32 = 3.0;
+        let mut screen = vec![TILT_PRIOR; self.graph.nodes()];
+        let mut right = vec![0.0; self.graph.nodes()];
+        for node in self.on_contour.iter().enumerate().filter(|(_, is)| **is).map(|(node, _)| node) {
+            screen[node] += TILT_WEIGHT;
+        }
+        for (node, hint) in hints.iter().enumerate() {
+            let (x, y) = self.graph.positions[node];
+            let bulge = |step| {
+                let beside = self.graph.node_beside(y, x as usize, step);
+                beside.map(|node| self.bulge_px[node])
+            };
+            let (Some(slope), Some(left), Some(after)) = (hint.slope, bulge(-1), bulge(1)) else {
+                continue;
+            };
+            let tilt = slope + (after - left) / 2.0;
+            if tilt.abs() < MAX_TILT && !self.on_contour[node] {
+                screen[node] += TILT_WEIGHT;
+                right[node] += TILT_WEIGHT * tilt;
+            }
+        }
+        self.hierarchy.operator(screen).solve(&right, &mut self.tilt, 5e-3, 20);
     }
 
     /// Per node the weight of line depths on it.
@@ -111,9 +160,15 @@ impl<'a> Fill<'a> {
             screen[node] += hint.weight;
             right[node] += hint.weight * (hint.depth_px + self.bulge_px[node]);
         }
-        self.hierarchy
-            .operator(screen)
-            .solve(&right, &mut self.membrane, 2e-4, 40);
+        if hints.iter().any(|hint| hint.slope.is_some()) {
+            self.spread_tilt(hints);
+            for &(a, b) in &self.right_links {
+                let tilt = f32::midpoint(self.tilt[a as usize], self.tilt[b as usize]);
+                right[a as usize] -= tilt;
+                right[b as usize] += tilt;
+            }
+        }
+        self.hierarchy.operator(screen).solve(&right, &mut self.membrane, 2e-4, 40);
         self.membrane
             .iter()
             .zip(&self.bulge_px)

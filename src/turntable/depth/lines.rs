@@ -92,17 +92,18 @@ fn triple(views: &[LineView<'_>], view: &LineView<'_>) -> Option<Triple> {
 /// and last view are their neighbours' matches, turned round.
 fn links(views: &[LineView<'_>], triples: &[Option<Triple>]) -> Vec<Links> {
     let turned = |index: usize, other: Option<usize>, pick: fn(&Match) -> u32| {
-        let mut turned = vec![None; views[index].contours.crossings.len()];
+        let mut turned: Vec<Option<(u32, f64)>> =
+            vec![None; views[index].contours.crossings.len()];
         let matches = other.and_then(|other| triples[other].as_ref());
-        for (from, matched) in matches
-            .iter()
-            .flat_map(|(_, matches)| matches.iter().enumerate())
-        {
-            if let Some(matched) = matched {
-                turned[pick(matched) as usize].get_or_insert(from as u32);
+        for (from, matched) in matches.iter().flat_map(|(_, matches)| matches.iter().enumerate()) {
+            let Some(matched) = matched else { continue };
+            // Of lines that fall on one, the nearest to the camera is the one seen.
+            let slot = &mut turned[pick(matched) as usize];
+            if slot.is_none_or(|(_, depth_px)| matched.depth_px < depth_px) {
+                *slot = Some((from as u32, matched.depth_px));
             }
         }
-        turned
+        turned.into_iter().map(|slot| slot.map(|(from, _)| from)).collect()
     };
     let direct = |matches: &[Option<Match>], pick: fn(&Match) -> u32| {
         matches

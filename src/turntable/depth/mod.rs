@@ -14,6 +14,6 @@ mod points;
 mod triples;
 
 pub use estimate::{
-    Confidence, DepthError, DepthOptions, DepthStage, Fallback, ViewDepth, estimate,
+    Confidence, DepthError, DepthOptions, DepthStage, Fallback, ViewDepth, estimate, estimate_some,
 };
 pub use normals::normals_from_depth;
