@@ -151,8 +151,9 @@ pub fn estimate_some(
     let lines = line_depths(&line_views);
     stage(DepthStage::Surfaces)?;
     let cloud = PointCloud::new(&line_views, &lines);
-    let wanted: Vec<usize> =
-        (0..drawings.len()).filter(|&index| wanted(views.views()[index].azimuth)).collect();
+    let wanted: Vec<usize> = (0..drawings.len())
+        .filter(|&index| wanted(views.views()[index].azimuth))
+        .collect();
     let maps = wanted
         .into_par_iter()
         .map(|index| {
@@ -389,7 +390,13 @@ impl Surface<'_> {
         let near: Vec<f32> = (0..graph.nodes())
             .map(|node| self.drawing.hull.near_px[graph.pixel(node)])
             .collect();
-        let refinement = Refinement::new(graph, &near, points, self.subject.unit_px as f32);
+        let refinement = Refinement::new(
+            graph,
+            &near,
+            points,
+            (&self.drawing.contours, lines),
+            self.subject.unit_px as f32,
+        );
         for _ in 0..self.refinements {
             depth = fill.solve(&refinement.hints(&depth));
             for (depth, near) in depth.iter_mut().zip(&near) {

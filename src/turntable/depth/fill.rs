@@ -99,13 +99,20 @@ impl<'a> Fill<'a> {
         let mut on_contour = vec![false; graph.nodes()];
         for (index, crossing) in contours.crossings.iter().enumerate() {
             if owners[index].is_some() && !lines.rho_px[index].is_nan() {
-                graph.node_at(crossing).into_iter().for_each(|node| on_contour[node] = true);
+                graph
+                    .node_at(crossing)
+                    .into_iter()
+                    .for_each(|node| on_contour[node] = true);
             }
         }
         Self {
             membrane: vec![start; graph.nodes()],
             tilt: vec![0.0; graph.nodes()],
-            right_links: links.iter().filter(same_row).map(|link| (link.a, link.b)).collect(),
+            right_links: links
+                .iter()
+                .filter(same_row)
+                .map(|link| (link.a, link.b))
+                .collect(),
             on_contour,
             graph,
             hierarchy,
@@ -121,7 +128,13 @@ impl<'a> Fill<'a> {
         const MAX_TILT: f32 = 3.0;
         let mut screen = vec![TILT_PRIOR; self.graph.nodes()];
         let mut right = vec![0.0; self.graph.nodes()];
-        for node in self.on_contour.iter().enumerate().filter(|(_, is)| **is).map(|(node, _)| node) {
+        for node in self
+            .on_contour
+            .iter()
+            .enumerate()
+            .filter(|(_, is)| **is)
+            .map(|(node, _)| node)
+        {
             screen[node] += TILT_WEIGHT;
         }
         for (node, hint) in hints.iter().enumerate() {
@@ -139,7 +152,9 @@ impl<'a> Fill<'a> {
                 right[node] += TILT_WEIGHT * tilt;
             }
         }
-        self.hierarchy.operator(screen).solve(&right, &mut self.tilt, 5e-3, 20);
+        self.hierarchy
+            .operator(screen)
+            .solve(&right, &mut self.tilt, 5e-3, 20);
     }
 
     /// Per node the weight of line depths on it.
@@ -168,7 +183,9 @@ impl<'a> Fill<'a> {
                 right[b as usize] += tilt;
             }
         }
-        self.hierarchy.operator(screen).solve(&right, &mut self.membrane, 2e-4, 40);
+        self.hierarchy
+            .operator(screen)
+            .solve(&right, &mut self.membrane, 2e-4, 40);
         self.membrane
             .iter()
             .zip(&self.bulge_px)

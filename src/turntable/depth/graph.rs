@@ -134,8 +134,8 @@ impl PixelGraph {
                 b,
                 weight,
             };
-            let run_ends = right != NONE
-                && self.horizontal_ink[pixel] != self.horizontal_ink[pixel + 1];
+            let run_ends =
+                right != NONE && self.horizontal_ink[pixel] != self.horizontal_ink[pixel + 1];
             let across = if run_ends { across_ink } else { 1.0 };
             let right = (right != NONE).then(|| (link(right, across), cuts.right[pixel]));
             let below = (below != NONE).then(|| (link(below, weight), cuts.down[pixel]));

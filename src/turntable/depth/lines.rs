@@ -92,10 +92,12 @@ fn triple(views: &[LineView<'_>], view: &LineView<'_>) -> Option<Triple> {
 /// and last view are their neighbours' matches, turned round.
 fn links(views: &[LineView<'_>], triples: &[Option<Triple>]) -> Vec<Links> {
     let turned = |index: usize, other: Option<usize>, pick: fn(&Match) -> u32| {
-        let mut turned: Vec<Option<(u32, f64)>> =
-            vec![None; views[index].contours.crossings.len()];
+        let mut turned: Vec<Option<(u32, f64)>> = vec![None; views[index].contours.crossings.len()];
         let matches = other.and_then(|other| triples[other].as_ref());
-        for (from, matched) in matches.iter().flat_map(|(_, matches)| matches.iter().enumerate()) {
+        for (from, matched) in matches
+            .iter()
+            .flat_map(|(_, matches)| matches.iter().enumerate())
+        {
             let Some(matched) = matched else { continue };
             // Of lines that fall on one, the nearest to the camera is the one seen.
             let slot = &mut turned[pick(matched) as usize];
@@ -103,7 +105,10 @@ fn links(views: &[LineView<'_>], triples: &[Option<Triple>]) -> Vec<Links> {
                 *slot = Some((from as u32, matched.depth_px));
             }
         }
-        turned.into_iter().map(|slot| slot.map(|(from, _)| from)).collect()
+        turned
+            .into_iter()
+            .map(|slot| slot.map(|(from, _)| from))
+            .collect()
     };
     let direct = |matches: &[Option<Match>], pick: fn(&Match) -> u32| {
         matches

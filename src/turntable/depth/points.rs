@@ -1,7 +1,7 @@
 //! What the lines of other views say about a view's surface.
 
+use super::contours::{Contours, Crossing};
 use super::estimate::Confidence;
-use super::contours::Crossing;
 use super::fill::Hint;
 use super::graph::{NONE, Owner, PixelGraph};
 use super::lines::{LineDepths, LineView};
@@ -52,7 +52,12 @@ impl PointCloud {
                     smooth: smooth_side(crossing, lines, index, view.bounds.unit_px),
                 })
             };
-            view.contours.crossings.iter().enumerate().filter_map(usable).collect::<Vec<_>>()
+            view.contours
+                .crossings
+                .iter()
+                .enumerate()
+                .filter_map(usable)
+                .collect::<Vec<_>>()
         };
         Self {
             points: views.iter().zip(lines).flat_map(of_view).collect(),
@@ -79,7 +84,10 @@ impl PointCloud {
                     .filter(|slope| slope.abs() < MAX_KNOWN_SLOPE),
             })
         };
-        let others = self.points.iter().filter(|point| point.azimuth_rad != azimuth_rad);
+        let others = self
+            .points
+            .iter()
+            .filter(|point| point.azimuth_rad != azimuth_rad);
         others.filter_map(turned).collect()
     }
 }
@@ -101,6 +109,17 @@ fn smooth_side(
     (sure && fits).then_some(owner)
 }
 
+/// Whether a point is of a line that the view draws itself: beside the line,
+/// it may have come to lie on the wrong side of the cut along it.
+fn is_own_line(point: &Point, (contours, lines): (&Contours, &LineDepths), unit_px: f32) -> bool {
+    contours.in_row(point.y).any(|index| {
+        let crossing = &contours.crossings[index];
+        let beside = (crossing.x_px as f32 - point.x_px).abs();
+        let apart = (lines.depth_px[index] as f32 - point.depth_px).abs();
+        beside < 2.5 + 0.5 * crossing.slope.abs() as f32 && apart < 25.0 * unit_px
+    })
+}
+
 /// Turns points and the hull's bound into hints for the next solution.
 pub struct Refinement<'a> {
     graph: &'a PixelGraph,
@@ -115,10 +134,14 @@ impl<'a> Refinement<'a> {
         graph: &'a PixelGraph,
         near_px: &'a [f32],
         points: Vec<Point>,
+        own: (&Contours, &LineDepths),
         unit_px: f32,
     ) -> Self {
         let axis = graph.width as f32 / 2.0;
         let on_graph = |point: Point| {
+            if is_own_line(&point, own, unit_px) {
+                return None;
+            }
             let column = (point.x_px + axis).floor();
             let inside = column >= 0.0 && column < graph.width as f32;
             let pixel = point.y as usize * graph.width + column as usize;
