@@ -6,6 +6,8 @@ use super::multigrid::Link;
 /// Runs at least this wide follow the row: what is above and below them is
 /// hardly linked, px.
 pub const HORIZONTAL_RUN_PX: u32 = 10;
+/// Pixels farther than this from a line are beyond its stroke.
+const STROKE_REACH_PX: usize = 3;
 /// No pixel.
 pub const NONE: u32 = u32::MAX;
 
@@ -60,13 +62,19 @@ impl PixelGraph {
             positions.push(((index % width) as u32, (index / width) as u32));
         }
         let mut horizontal_ink = vec![false; width * height];
-        for run in contours
-            .crossings
-            .iter()
-            .filter(|run| run.run_px() >= HORIZONTAL_RUN_PX)
-        {
-            let row = run.y as usize * width;
-            horizontal_ink[row + run.start as usize..row + run.end as usize].fill(true);
+        let inside = |x: usize, y: Option<usize>| {
+            y.is_some_and(|y| node_of.get(y * width + x).is_some_and(|&node| node != NONE))
+        };
+        for run in &contours.crossings {
+            if run.run_px() < HORIZONTAL_RUN_PX {
+                continue;
+            }
+            let y = run.y as usize;
+            for x in run.start as usize..run.end as usize {
+                // The outline has surface on one side only: nothing to part there.
+                let inner = inside(x, y.checked_sub(STROKE_REACH_PX));
+                horizontal_ink[y * width + x] = inner && inside(x, Some(y + STROKE_REACH_PX));
+            }
         }
         Self {
             width,

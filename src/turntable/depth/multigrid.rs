@@ -22,7 +22,9 @@ const COARSE_LINK_SCALE: f32 = 0.55;
 /// Weaker links do not make nodes one cell of the coarser level.
 const STRONG: f32 = 0.004;
 const MAX_LEVELS: usize = 14;
-const COARSEST_SWEEPS: usize = 24;
+const COARSEST_SWEEPS: usize = 10;
+/// Finest levels whose coarser level is visited twice a cycle.
+const W_LEVELS: usize = 5;
 
 /// Compressed rows of a graph's links.
 #[derive(Clone, Debug, Default)]
@@ -49,7 +51,7 @@ pub struct Operator<'a> {
     inverse_diagonals: Vec<Vec<f32>>,
 }
 
-/// Vectors of one level that the V-cycle works in.
+/// Vectors of one level that a cycle works in.
 struct Scratch {
     right: Vec<f32>,
     solution: Vec<f32>,
@@ -285,9 +287,10 @@ impl Operator<'_> {
             .collect()
     }
 
-    /// One symmetric V-cycle from zero.
+    /// One symmetric cycle from zero.
     fn precondition(&self, right: &[f32], scratch: &mut [Scratch]) -> Vec<f32> {
         scratch[0].right.copy_from_slice(right);
+        scratch[0].solution.fill(0.0);
         self.cycle(0, scratch);
         scratch[0].solution.clone()
     }
@@ -297,7 +300,6 @@ impl Operator<'_> {
         let inverse = &self.inverse_diagonals[depth];
         let (own, coarser) = scratch.split_at_mut(1);
         let Scratch { right, solution } = &mut own[0];
-        solution.fill(0.0);
         let Some(next) = coarser.first_mut() else {
             for _ in 0..COARSEST_SWEEPS {
                 sweep(level, inverse, right, solution, 0..right.len());
@@ -312,7 +314,10 @@ impl Operator<'_> {
                 right[node] + level.linked(node, solution) - solution[node] / inverse[node];
             next.right[level.cell[node] as usize] += residual;
         }
-        self.cycle(depth + 1, coarser);
+        next.solution.fill(0.0);
+        for _ in 0..if depth < W_LEVELS { 2 } else { 1 } {
+            self.cycle(depth + 1, coarser);
+        }
         for (value, &cell) in solution.iter_mut().zip(&level.cell) {
             *value += coarser[0].solution[cell as usize];
         }

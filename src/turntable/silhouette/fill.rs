@@ -27,13 +27,12 @@ pub fn filled_outline(ink: &InkMap, max_gap_px: u32) -> (GrayImage, SilhouetteSo
     let mut inside = inside_with_gaps_closed(ink, &barrier, u32::from(max_gap_px > 0));
     let mut closed_gap_px = 0;
     let widest = inside_with_gaps_closed(ink, &barrier, max_gap_px.div_ceil(2));
-    if widest != inside {
-        for radius in 2..=max_gap_px.div_ceil(2) {
-            let closed = inside_with_gaps_closed(ink, &barrier, radius);
-            let min_depth = radius * MIN_WIDTH_PER_GAP;
-            if add_wide_regions(&mut inside, &closed, &barrier, ink.width(), min_depth) {
-                closed_gap_px = radius * 2;
-            }
+    let shuts_in_more = add_wide_regions(&mut inside.clone(), &widest, &barrier, ink.width(), 10);
+    for radius in (2..=max_gap_px.div_ceil(2)).filter(|_| shuts_in_more) {
+        let closed = inside_with_gaps_closed(ink, &barrier, radius);
+        let min_depth = radius * MIN_WIDTH_PER_GAP;
+        if add_wide_regions(&mut inside, &closed, &barrier, ink.width(), min_depth) {
+            closed_gap_px = radius * 2;
         }
     }
     let mask = image_of(ink, &inside);
@@ -55,43 +54,29 @@ fn distance_to_ink(ink: &InkMap) -> Vec<u8> {
         .map(|&share| if share > INK_THRESHOLD { 0 } else { u8::MAX })
         .collect();
     for y in 0..height {
-        for x in 0..width {
-            relax(
-                &mut distance,
-                (width, height),
-                (x, y),
-                [(-1, 0), (-1, -1), (0, -1), (1, -1)],
-            );
-        }
+        let (above, from_here) = distance.split_at_mut(y * width);
+        let row = &mut from_here[..width];
+        relax(row, above.len().checked_sub(width).map(|start| &above[start..]));
     }
-    for y in (0..height).rev() {
-        for x in (0..width).rev() {
-            relax(
-                &mut distance,
-                (width, height),
-                (x, y),
-                [(1, 0), (1, 1), (0, 1), (-1, 1)],
-            );
-        }
+    distance.reverse();
+    for y in 0..height {
+        let (above, from_here) = distance.split_at_mut(y * width);
+        let row = &mut from_here[..width];
+        relax(row, above.len().checked_sub(width).map(|start| &above[start..]));
     }
+    distance.reverse();
     distance
 }
 
-fn relax(
-    distance: &mut [u8],
-    (width, height): (usize, usize),
-    (x, y): (usize, usize),
-    offsets: [(isize, isize); 4],
-) {
-    let index = y * width + x;
-    for (dx, dy) in offsets {
-        let (Some(nx), Some(ny)) = (x.checked_add_signed(dx), y.checked_add_signed(dy)) else {
-            continue;
-        };
-        if nx < width && ny < height {
-            let through = distance[ny * width + nx].saturating_add(1);
-            distance[index] = distance[index].min(through);
+/// Lowers a row to one more than what is before it and above it.
+fn relax(row: &mut [u8], above: Option<&[u8]>) {
+    for x in 0..row.len() {
+        let mut least = if x > 0 { row[x - 1] } else { u8::MAX };
+        if let Some(above) = above {
+            let near = &above[x.saturating_sub(1)..(x + 2).min(above.len())];
+            least = near.iter().fold(least, |least, &value| least.min(value));
         }
+        row[x] = row[x].min(least.saturating_add(1));
     }
 }
 
@@ -100,8 +85,11 @@ fn relax(
 fn inside_with_gaps_closed(ink: &InkMap, distance: &[u8], radius: u32) -> Vec<bool> {
     let (width, height) = (ink.width(), ink.height());
     let mut outside = flooded(width, height, |index| u32::from(distance[index]) > radius);
+    let mut held_off: Vec<usize> = (0..outside.len())
+        .filter(|&index| (1..=radius).contains(&u32::from(distance[index])))
+        .collect();
     for _ in 0..radius {
-        creep(&mut outside, distance, width);
+        creep(&mut outside, &mut held_off, width);
     }
     outside.iter_mut().for_each(|is| *is = !*is);
     outside
@@ -143,23 +131,21 @@ fn flooded(width: usize, height: usize, open: impl Fn(usize) -> bool) -> Vec<boo
     reached
 }
 
-/// Grows the outside by one pixel (chessboard), over paper only.
-fn creep(outside: &mut Vec<bool>, distance: &[u8], width: usize) {
-    let before = outside.clone();
-    let at = |index: Option<usize>| index.is_some_and(|i| before.get(i).copied().unwrap_or(false));
-    for index in 0..before.len() {
-        if before[index] || distance[index] == 0 {
-            continue;
-        }
+/// Grows the outside by one pixel (chessboard) over the paper that was held off.
+fn creep(outside: &mut [bool], held_off: &mut Vec<usize>, width: usize) {
+    let touches = |index: usize| {
         let x = index % width;
-        let columns = [x > 0, true, x + 1 < width];
-        outside[index] = (0..3).filter(|&column| columns[column]).any(|column| {
-            let middle = (index + column).checked_sub(1);
-            at(middle)
-                || at(middle.and_then(|i| i.checked_sub(width)))
-                || at(middle.map(|i| i + width))
-        });
-    }
+        let columns = [x.checked_sub(1), Some(x), Some(x + 1).filter(|&x| x < width)];
+        let row = index - x;
+        columns.into_iter().flatten().any(|column| {
+            let at = |row: usize| outside.get(row + column).copied().unwrap_or(false);
+            at(row) || at(row + width) || row.checked_sub(width).is_some_and(at)
+        })
+    };
+    let (reached, left): (Vec<usize>, Vec<usize>) =
+        held_off.iter().partition(|&&index| touches(index));
+    reached.into_iter().for_each(|index| outside[index] = true);
+    *held_off = left;
 }
 
 /// Adds to `inside` the connected regions of `closed` outside it that hold a
