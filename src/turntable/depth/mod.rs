@@ -17,3 +17,6 @@ pub use estimate::{
     Confidence, DepthError, DepthOptions, DepthStage, Fallback, ViewDepth, estimate, estimate_some,
 };
 pub use normals::normals_from_depth;
+
+#[cfg(test)]
+mod tests;

@@ -56,13 +56,19 @@ fn distance_to_ink(ink: &InkMap) -> Vec<u8> {
     for y in 0..height {
         let (above, from_here) = distance.split_at_mut(y * width);
         let row = &mut from_here[..width];
-        relax(row, above.len().checked_sub(width).map(|start| &above[start..]));
+        relax(
+            row,
+            above.len().checked_sub(width).map(|start| &above[start..]),
+        );
     }
     distance.reverse();
     for y in 0..height {
         let (above, from_here) = distance.split_at_mut(y * width);
         let row = &mut from_here[..width];
-        relax(row, above.len().checked_sub(width).map(|start| &above[start..]));
+        relax(
+            row,
+            above.len().checked_sub(width).map(|start| &above[start..]),
+        );
     }
     distance.reverse();
     distance
@@ -135,7 +141,11 @@ fn flooded(width: usize, height: usize, open: impl Fn(usize) -> bool) -> Vec<boo
 fn creep(outside: &mut [bool], held_off: &mut Vec<usize>, width: usize) {
     let touches = |index: usize| {
         let x = index % width;
-        let columns = [x.checked_sub(1), Some(x), Some(x + 1).filter(|&x| x < width)];
+        let columns = [
+            x.checked_sub(1),
+            Some(x),
+            Some(x + 1).filter(|&x| x < width),
+        ];
         let row = index - x;
         columns.into_iter().flatten().any(|column| {
             let at = |row: usize| outside.get(row + column).copied().unwrap_or(false);
