@@ -17,5 +17,6 @@ pub mod models;
 pub mod options;
 pub mod pipeline;
 pub mod sheet;
+pub mod turntable;
 pub mod vision;
 pub mod worker;
