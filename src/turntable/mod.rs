@@ -8,7 +8,9 @@
 //! the same row.
 
 pub mod ink;
+pub mod mesh;
 pub mod silhouette;
+pub mod solid;
 pub mod views;
 
 pub use views::{View, ViewSet, ViewSetError};

@@ -1,0 +1,7 @@
+//! From the solid's field to a mesh that a modeller can use.
+
+pub mod components;
+pub mod decimate;
+pub mod occupancy;
+pub mod surface;
+pub mod topology;
