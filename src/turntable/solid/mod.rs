@@ -3,6 +3,8 @@
 
 mod crease;
 pub mod field;
+mod fusion;
+mod holes;
 mod options;
 mod outline;
 mod rounding;
@@ -22,6 +24,7 @@ use crate::geometry::Mesh;
 use crate::sheet::Azimuth;
 use crease::Slice;
 use field::{Field, Lattice, Plane};
+pub use holes::{Hole, HoleHint};
 pub use options::{Holes, SolidKind, SolidOptions, Switch};
 use sheet::SolidSheet;
 pub use symmetry::MirrorPlane;
@@ -40,6 +43,9 @@ pub struct SolidReport {
     /// Directions that bound the solid, after joining opposite views.
     pub directions: usize,
     pub mirror_plane: Option<MirrorPlane>,
+    pub holes: Vec<Hole>,
+    /// Views, drawn or mirrored, whose depths carved the solid.
+    pub carving_views: usize,
     /// Slices through the solid and the distance between them, px.
     pub slices: usize,
     pub pitch_px: f64,
@@ -88,23 +94,37 @@ pub enum SolidStage {
 /// Told before each stage; breaking cancels.
 pub type Progress<'a> = &'a mut dyn FnMut(SolidStage) -> ControlFlow<()>;
 
-/// Builds the solid that the silhouettes and lines of `views` show.
-///
-/// * `silhouettes`: those of `views`, in their order.
+/// What a solid is built from.
+#[derive(Clone, Copy)]
+pub struct SolidInput<'a> {
+    pub views: &'a ViewSet,
+    /// Those of `views`, in their order.
+    pub silhouettes: &'a Silhouettes,
+    /// Of some of the views, or none.
+    pub depth_maps: &'a [DepthMap],
+    pub hole_hints: &'a [HoleHint],
+}
+
+/// Builds the solid that the silhouettes, lines and depths of views show.
 ///
 /// # Errors
 /// [`SolidError`] for views along one line, silhouettes that share nothing,
 /// and if `progress` breaks.
 pub fn build(
-    views: &ViewSet,
-    silhouettes: &Silhouettes,
-    depth_maps: &[DepthMap],
+    input: &SolidInput,
     options: &SolidOptions,
     progress: Progress,
 ) -> Result<Solid, SolidError> {
     let mut report = SolidReport::default();
     tell(progress, SolidStage::Views)?;
-    let mut sheet = SolidSheet::new(views, silhouettes);
+    let mut sheet = SolidSheet::new(input.views, input.silhouettes);
+    let masks = input.silhouettes.silhouettes.iter();
+    let (masks, half_line_px): (Vec<_>, Vec<_>) =
+        masks.map(|silhouette| (silhouette.mask(), silhouette.half_line_px())).unzip();
+    if options.holes != Holes::Off || !input.hole_hints.is_empty() {
+        report.holes =
+            holes::carve(&mut sheet, &masks, &half_line_px, input.hole_hints, options.holes);
+    }
     if options.symmetry != Switch::Off && options.kind == SolidKind::Creased {
         report.mirror_plane = symmetry::detect(&sheet.drawings(), options.symmetry == Switch::On);
         if let Some(plane) = &report.mirror_plane {
@@ -127,7 +147,12 @@ pub fn build(
     tell(progress, SolidStage::Creases)?;
     let outlines = outlines_of(&sheet, &slices, &lattice, options, &mut report);
     tell(progress, SolidStage::Field)?;
-    let field = field_of(lattice, outlines);
+    let mut field = field_of(lattice, outlines);
+    if options.fusion && options.kind == SolidKind::Creased && !input.depth_maps.is_empty() {
+        let views = fusion::CarvingView::of_sheet(&sheet, input.depth_maps);
+        report.carving_views = views.len();
+        fuse(&mut field, &slices, &views);
+    }
     tell(progress, SolidStage::Surface)?;
     let occupancy = Occupancy::of_field(&field);
     let quads = surface::quads_of_field(&field, &occupancy);
@@ -267,4 +292,14 @@ fn field_of(lattice: Lattice, outlines: Vec<SliceOutlines>) -> Field {
         lattice,
         planes: planes.collect(),
     }
+}
+
+fn fuse(field: &mut Field, slices: &[Slice], views: &[fusion::CarvingView]) {
+    use rayon::prelude::*;
+    let lattice = field.lattice;
+    field.planes.par_iter_mut().zip(slices).for_each(|(plane, slice)| {
+        let polygons: Vec<_> = slice.sections.iter().map(|section| section.corners.clone()).collect();
+        let hull = Plane::of_polygons(&lattice, &polygons);
+        fusion::carve(plane, &hull, &lattice, slice.row, views);
+    });
 }

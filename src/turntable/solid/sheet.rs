@@ -6,6 +6,7 @@ use super::super::views::ViewSet;
 use super::crease::InkEvidence;
 use super::outline::Outline;
 use super::symmetry::{Drawing, MirrorPlane};
+use crate::sheet::Azimuth;
 
 /// One view, drawn or mirrored.
 #[derive(Clone, Debug)]
@@ -25,6 +26,8 @@ pub struct SolidSheet {
     pub height: usize,
     pub axis_px: f64,
     pub origin_row_px: f64,
+    /// Per drawing.
+    pub azimuths: Vec<Azimuth>,
     /// Per drawing and pixel, whether it is ink.
     pub ink: Vec<Vec<bool>>,
     /// The same, grown by two columns and one row.
@@ -61,6 +64,7 @@ impl SolidSheet {
             height,
             axis_px,
             origin_row_px: views.origin_row_px(),
+            azimuths: views.azimuths().collect(),
             views: solid_views.collect(),
             ink,
             near_ink,
@@ -78,6 +82,14 @@ impl SolidSheet {
                 axis_px: self.axis_px,
             })
             .collect()
+    }
+
+    /// Whether a drawing has ink at a pixel or at one of its eight neighbours.
+    pub fn has_ink_beside(&self, drawing: usize, x: usize, y: usize) -> bool {
+        let ink = &self.ink[drawing];
+        let columns = x.saturating_sub(1)..(x + 2).min(self.width);
+        (y.saturating_sub(1)..(y + 2).min(self.height))
+            .any(|y| ink[y * self.width + columns.start..y * self.width + columns.end].contains(&true))
     }
 
     /// Adds every view's mirror image at azimuths that are not drawn.
