@@ -1,0 +1,19 @@
+//! Depth maps from the drawn lines of neighbouring views.
+
+mod contours;
+mod estimate;
+mod fill;
+mod filters;
+mod graph;
+mod hull;
+mod lines;
+mod multigrid;
+mod normals;
+mod owners;
+mod points;
+mod triples;
+
+pub use estimate::{
+    Confidence, DepthError, DepthOptions, DepthStage, Fallback, ViewDepth, estimate,
+};
+pub use normals::normals_from_depth;
