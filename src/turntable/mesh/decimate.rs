@@ -3,7 +3,9 @@
 use meshopt::{SimplifyOptions, VertexDataAdapter};
 use nalgebra::Point3;
 
+use super::repair::without_touching;
 use super::surface::QuadMesh;
+use super::topology::check_manifold;
 use crate::geometry::Mesh;
 
 /// Cuts every quad along its shorter diagonal.
@@ -24,10 +26,15 @@ pub fn triangles_of_quads(mesh: &QuadMesh) -> Mesh {
     }
 }
 
+/// Triangles that repairs may add, as a share of the budget.
+const REPAIR_SHARE: usize = 100;
+
 /// Collapses edges by the quadric error: all that stay within `tolerance_px`,
 /// and more as long as there are more than `target_faces` triangles.
 ///
-/// Creases survive because collapsing them costs most. A closed manifold stays one.
+/// Creases survive because collapsing them costs most. A closed manifold stays
+/// one: where collapses made it touch itself, it is pulled apart. Should that
+/// fail, the mesh is returned as it is, above the budget.
 ///
 /// # Source
 /// Garland & Heckbert 1997, Surface simplification using quadric error metrics.
@@ -51,6 +58,7 @@ pub fn decimated(mesh: &Mesh, target_faces: usize, tolerance_px: f64) -> Mesh {
     };
     let options = SimplifyOptions::ErrorAbsolute;
     indices = meshopt::simplify(&indices, &adapter, 0, tolerance_px as f32, options, None);
+    let target_faces = target_faces - target_faces / REPAIR_SHARE;
     if indices.len() > target_faces * 3 {
         indices = meshopt::simplify(
             &indices,
@@ -61,7 +69,20 @@ pub fn decimated(mesh: &Mesh, target_faces: usize, tolerance_px: f64) -> Mesh {
             None,
         );
     }
-    compacted(&mesh.positions, indices.as_chunks().0)
+    let compact = compacted(&mesh.positions, indices.as_chunks().0);
+    if check_manifold(&compact).is_ok() {
+        return compact;
+    }
+    let repaired = compacted_mesh(&without_touching(&compact));
+    if check_manifold(&repaired).is_ok() {
+        repaired
+    } else {
+        mesh.clone()
+    }
+}
+
+fn compacted_mesh(mesh: &Mesh) -> Mesh {
+    compacted(&mesh.positions, &mesh.triangles)
 }
 
 /// The mesh of `triangles` without unused vertices, in order of first use.

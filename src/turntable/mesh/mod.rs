@@ -3,5 +3,6 @@
 pub mod components;
 pub mod decimate;
 pub mod occupancy;
+pub mod repair;
 pub mod surface;
 pub mod topology;

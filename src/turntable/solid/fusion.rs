@@ -82,11 +82,19 @@ fn with_cosines(depth: &ImageBuffer<Luma<f32>, Vec<f32>>) -> Vec<[f32; 2]> {
     let values = depth.as_raw();
     let slope = |here: f32, before: Option<&f32>, after: Option<&f32>| -> f32 {
         let step = |value: Option<&f32>, sign: f32| {
-            value.filter(|value| value.is_finite()).map(|value| sign * (value - here))
+            value
+                .filter(|value| value.is_finite())
+                .map(|value| sign * (value - here))
         };
         // The gentler side: a jump beside a surface is not its slope.
         match (step(before, -1.0), step(after, 1.0)) {
-            (Some(a), Some(b)) => if a.abs() < b.abs() { a } else { b },
+            (Some(a), Some(b)) => {
+                if a.abs() < b.abs() {
+                    a
+                } else {
+                    b
+                }
+            }
             (Some(a), None) | (None, Some(a)) => a,
             (None, None) => 0.0,
         }
@@ -141,7 +149,10 @@ pub fn carve(
             let point = Point2::new(lattice.x(i), lattice.y(j));
             let prior = f64::from(plane.at(i, j, outside));
             let (mut sum, mut weights) = (prior * PRIOR_WEIGHT, PRIOR_WEIGHT);
-            for (distance, weight) in views.iter().filter_map(|view| view.vote(&point, row, reach_px)) {
+            for (distance, weight) in views
+                .iter()
+                .filter_map(|view| view.vote(&point, row, reach_px))
+            {
                 sum += distance * weight;
                 weights += weight;
             }

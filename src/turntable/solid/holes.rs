@@ -80,7 +80,12 @@ pub fn carve(
     let accepted = accept(sheet, &regions, hints, mode);
     let mut holes = Vec::new();
     for (region, hinted) in accepted {
-        cut(&mut sheet.views[region.view].outline, region, half_line_px[region.view], sheet.axis_px);
+        cut(
+            &mut sheet.views[region.view].outline,
+            region,
+            half_line_px[region.view],
+            sheet.axis_px,
+        );
         let (y, from, to) = region.runs[region.runs.len() / 2];
         holes.push(Hole {
             azimuth_deg: sheet.azimuths[region.view].degrees(),
@@ -99,9 +104,9 @@ pub fn carve(
 fn regions_of(sheet: &SolidSheet, view: usize, mask: &GrayImage) -> Vec<Region> {
     let (width, height) = (sheet.width, sheet.height);
     let min_area = (MIN_AREA * (width * height) as f64) as usize;
-    let is_paper = |x: usize, y: usize| {
-        mask.as_raw()[y * width + x] != 0 && !sheet.has_ink_beside(view, x, y)
-    };
+    let near_ink = sheet.near_ink(view);
+    let is_paper =
+        |x: usize, y: usize| mask.as_raw()[y * width + x] != 0 && !near_ink[y * width + x];
     let mut label = vec![u32::MAX; width * height];
     let mut groups: Vec<Vec<usize>> = Vec::new();
     let mut pending = Vec::new();
@@ -136,11 +141,17 @@ fn regions_of(sheet: &SolidSheet, view: usize, mask: &GrayImage) -> Vec<Region> 
         return Vec::new();
     }
     let depth = chamfer_distance_px(mask);
-    groups.into_iter().filter_map(|members| region(view, members, &depth, width)).collect()
+    groups
+        .into_iter()
+        .filter_map(|members| region(view, members, &depth, width))
+        .collect()
 }
 
 fn region(view: usize, mut members: Vec<usize>, depth: &[f32], width: usize) -> Option<Region> {
-    let ring_px = members.iter().map(|&pixel| depth[pixel]).fold(f32::INFINITY, f32::min);
+    let ring_px = members
+        .iter()
+        .map(|&pixel| depth[pixel])
+        .fold(f32::INFINITY, f32::min);
     if f64::from(ring_px) <= MIN_RING_PX {
         return None;
     }
@@ -165,16 +176,28 @@ fn region(view: usize, mut members: Vec<usize>, depth: &[f32], width: usize) -> 
 fn chamfer_distance_px(mask: &GrayImage) -> Vec<f32> {
     let (width, height) = (mask.width() as usize, mask.height() as usize);
     let far = (width + height) as f32;
-    let mut depth: Vec<f32> =
-        mask.as_raw().iter().map(|&level| if level == 0 { 0.0 } else { far }).collect();
+    let mut depth: Vec<f32> = mask
+        .as_raw()
+        .iter()
+        .map(|&level| if level == 0 { 0.0 } else { far })
+        .collect();
     let diagonal = std::f32::consts::SQRT_2;
     let mut relax = |x: usize, y: usize, back: bool| {
         let step: i64 = if back { 1 } else { -1 };
-        let near = [(step, 0, 1.0), (0, step, 1.0), (step, step, diagonal), (-step, step, diagonal)];
+        let near = [
+            (step, 0, 1.0),
+            (0, step, 1.0),
+            (step, step, diagonal),
+            (-step, step, diagonal),
+        ];
         for (dx, dy, cost) in near {
             let (nx, ny) = (x as i64 + dx, y as i64 + dy);
             let inside = nx >= 0 && ny >= 0 && nx < width as i64 && ny < height as i64;
-            let beside = if inside { depth[ny as usize * width + nx as usize] } else { 0.0 };
+            let beside = if inside {
+                depth[ny as usize * width + nx as usize]
+            } else {
+                0.0
+            };
             let here = &mut depth[y * width + x];
             *here = here.min(beside + cost);
         }
@@ -199,16 +222,27 @@ fn accept<'a>(
     let mut rows_with_hole = vec![false; sheet.height];
     for region in regions {
         let hinted = hints.iter().any(|hint| is_hinted(sheet, region, hint));
-        let shared = region.runs.iter().filter(|run| rows_with_hole[run.0]).count() as f64;
+        let shared = region
+            .runs
+            .iter()
+            .filter(|run| rows_with_hole[run.0])
+            .count() as f64;
         let beside_hole = shared > MIN_SHARED_ROWS * region.runs.len() as f64;
-        let max_ring = if beside_hole { MAX_RING_BESIDE_HOLE } else { MAX_RING };
+        let max_ring = if beside_hole {
+            MAX_RING_BESIDE_HOLE
+        } else {
+            MAX_RING
+        };
         let found = mode != Holes::Off
             && region.ring <= max_ring
             && confirmed_across(sheet, regions, region, mode)
             && uncovered_share(sheet, regions, region) < MAX_UNCOVERED;
         if hinted || found {
             accepted.push((region, hinted));
-            region.runs.iter().for_each(|run| rows_with_hole[run.0] = true);
+            region
+                .runs
+                .iter()
+                .for_each(|run| rows_with_hole[run.0] = true);
         }
     }
     accepted
@@ -239,7 +273,10 @@ fn opposite(sheet: &SolidSheet, view: usize) -> Option<usize> {
 }
 
 fn mirrored_iou(a: &Region, b: &Region, width: usize) -> f64 {
-    let mirrored = b.runs.iter().map(|&(y, from, to)| (y, width - to, width - from));
+    let mirrored = b
+        .runs
+        .iter()
+        .map(|&(y, from, to)| (y, width - to, width - from));
     let mut shared = 0;
     for (y, from, to) in mirrored {
         for run in a.runs.iter().filter(|run| run.0 == y) {
@@ -256,7 +293,10 @@ fn uncovered_share(sheet: &SolidSheet, regions: &[Region], region: &Region) -> f
     let mut bounds: Vec<Outline> = vec![own.clone()];
     let mut indices = vec![region.view];
     for (index, view) in sheet.views.iter().enumerate() {
-        if !bounds.iter().any(|bound| bound.is_parallel_to(&view.outline)) {
+        if !bounds
+            .iter()
+            .any(|bound| bound.is_parallel_to(&view.outline))
+        {
             bounds.push(view.outline.clone());
             indices.push(index);
         }
@@ -277,13 +317,16 @@ fn uncovered_share(sheet: &SolidSheet, regions: &[Region], region: &Region) -> f
         let after = sections_of_row(&bounds, &carved_rows, half_px);
         for (bound, &index) in bounds.iter().zip(&indices).skip(1) {
             let cover = |sections: &[super::section::Section]| {
-                let extents = sections.iter().map(|section| section.extent_along(&bound.right()));
+                let extents = sections
+                    .iter()
+                    .map(|section| section.extent_along(&bound.right()));
                 union(extents.collect())
             };
             // Another candidate's region may be open too.
             let candidates = regions.iter().filter(|other| other.view == index);
-            let open: Vec<_> =
-                candidates.flat_map(|other| columns_of(other, y, 3.0, sheet.axis_px)).collect();
+            let open: Vec<_> = candidates
+                .flat_map(|other| columns_of(other, y, 3.0, sheet.axis_px))
+                .collect();
             let covered = difference(&cover(&before), &union(open));
             total += length(&covered);
             lost += length(&difference(&covered, &cover(&after)));
@@ -297,7 +340,10 @@ fn columns_of(region: &Region, y: usize, margin_px: f64, axis_px: f64) -> Vec<(f
     let first = region.runs.partition_point(|run| run.0 < y);
     let runs = region.runs[first..].iter().take_while(|run| run.0 == y);
     runs.map(|&(_, from, to)| {
-        (from as f64 - axis_px - margin_px, to as f64 - axis_px + margin_px)
+        (
+            from as f64 - axis_px - margin_px,
+            to as f64 - axis_px + margin_px,
+        )
     })
     .collect()
 }
@@ -316,9 +362,9 @@ fn union(mut intervals: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
 
 /// Cuts the region, up to the middle of the line around it, out of `outline`.
 fn cut(outline: &mut Outline, region: &Region, half_line_px: f64, axis_px: f64) {
-    // Regions keep one pixel away from ink.
-    let margin_px = 1.0 + half_line_px;
-    let grow_rows = margin_px.round() as usize;
+    // Regions keep two columns and one row away from ink.
+    let margin_px = 2.0 + half_line_px;
+    let grow_rows = (1.0 + half_line_px).round() as usize;
     let first = region.runs[0].0.saturating_sub(grow_rows);
     let last = region.runs[region.runs.len() - 1].0 + grow_rows;
     for y in first..=last.min(outline.rows.len().saturating_sub(1)) {
@@ -334,14 +380,19 @@ fn cut(outline: &mut Outline, region: &Region, half_line_px: f64, axis_px: f64) 
 /// Gives the view opposite to a hole the same outline, mirrored.
 fn share_with_opposites(sheet: &mut SolidSheet, holes: &[Hole]) {
     for hole in holes {
-        let Some(view) = sheet.azimuths.iter().position(|azimuth| azimuth.degrees() == hole.azimuth_deg)
+        let Some(view) = sheet
+            .azimuths
+            .iter()
+            .position(|azimuth| azimuth.degrees() == hole.azimuth_deg)
         else {
             continue;
         };
         if let Some(across) = opposite(sheet, view) {
             let flipped = sheet.views[view].outline.mirrored(0.0, 0.0);
             let rows = sheet.views[across].outline.rows.iter().zip(&flipped.rows);
-            let rows = rows.map(|(own, flipped)| super::outline::intersection(own, flipped)).collect();
+            let rows = rows
+                .map(|(own, flipped)| super::outline::intersection(own, flipped))
+                .collect();
             sheet.views[across].outline.rows = rows;
         }
     }

@@ -119,11 +119,17 @@ pub fn build(
     tell(progress, SolidStage::Views)?;
     let mut sheet = SolidSheet::new(input.views, input.silhouettes);
     let masks = input.silhouettes.silhouettes.iter();
-    let (masks, half_line_px): (Vec<_>, Vec<_>) =
-        masks.map(|silhouette| (silhouette.mask(), silhouette.half_line_px())).unzip();
+    let (masks, half_line_px): (Vec<_>, Vec<_>) = masks
+        .map(|silhouette| (silhouette.mask(), silhouette.half_line_px()))
+        .unzip();
     if options.holes != Holes::Off || !input.hole_hints.is_empty() {
-        report.holes =
-            holes::carve(&mut sheet, &masks, &half_line_px, input.hole_hints, options.holes);
+        report.holes = holes::carve(
+            &mut sheet,
+            &masks,
+            &half_line_px,
+            input.hole_hints,
+            options.holes,
+        );
     }
     if options.symmetry != Switch::Off && options.kind == SolidKind::Creased {
         report.mirror_plane = symmetry::detect(&sheet.drawings(), options.symmetry == Switch::On);
@@ -297,9 +303,17 @@ fn field_of(lattice: Lattice, outlines: Vec<SliceOutlines>) -> Field {
 fn fuse(field: &mut Field, slices: &[Slice], views: &[fusion::CarvingView]) {
     use rayon::prelude::*;
     let lattice = field.lattice;
-    field.planes.par_iter_mut().zip(slices).for_each(|(plane, slice)| {
-        let polygons: Vec<_> = slice.sections.iter().map(|section| section.corners.clone()).collect();
-        let hull = Plane::of_polygons(&lattice, &polygons);
-        fusion::carve(plane, &hull, &lattice, slice.row, views);
-    });
+    field
+        .planes
+        .par_iter_mut()
+        .zip(slices)
+        .for_each(|(plane, slice)| {
+            let polygons: Vec<_> = slice
+                .sections
+                .iter()
+                .map(|section| section.corners.clone())
+                .collect();
+            let hull = Plane::of_polygons(&lattice, &polygons);
+            fusion::carve(plane, &hull, &lattice, slice.row, views);
+        });
 }

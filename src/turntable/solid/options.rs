@@ -81,7 +81,7 @@ impl Default for SolidOptions {
             holes: Holes::default(),
             parts: true,
             fusion: true,
-            resolution: 256,
+            resolution: 192,
             target_faces: 10_000,
             tolerance_px: 0.25,
             min_piece_percent: 0.1,

@@ -84,12 +84,9 @@ impl SolidSheet {
             .collect()
     }
 
-    /// Whether a drawing has ink at a pixel or at one of its eight neighbours.
-    pub fn has_ink_beside(&self, drawing: usize, x: usize, y: usize) -> bool {
-        let ink = &self.ink[drawing];
-        let columns = x.saturating_sub(1)..(x + 2).min(self.width);
-        (y.saturating_sub(1)..(y + 2).min(self.height))
-            .any(|y| ink[y * self.width + columns.start..y * self.width + columns.end].contains(&true))
+    /// Per pixel of a drawing, whether there is ink within two columns and one row.
+    pub fn near_ink(&self, drawing: usize) -> &[bool] {
+        &self.near_ink[drawing]
     }
 
     /// Adds every view's mirror image at azimuths that are not drawn.
