@@ -1,6 +1,6 @@
 //! Separate pieces of a surface.
 
-use super::surface::QuadMesh;
+use crate::geometry::Mesh;
 
 /// What was dropped with small pieces.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
@@ -13,18 +13,18 @@ pub struct Pieces {
 
 /// Drops the pieces whose volume is less than `min_share` of the largest one,
 /// and inner surfaces around hollows.
-pub fn without_floaters(mesh: &QuadMesh, min_share: f64) -> (QuadMesh, Pieces) {
+pub fn without_floaters(mesh: &Mesh, min_share: f64) -> (Mesh, Pieces) {
     let mut parent: Vec<u32> = (0..mesh.positions.len() as u32).collect();
-    for quad in &mesh.quads {
-        for corner in &quad[1..] {
-            join(&mut parent, quad[0], *corner);
+    for triangle in &mesh.triangles {
+        for corner in &triangle[1..] {
+            join(&mut parent, triangle[0], *corner);
         }
     }
     let mut volumes = vec![0.0; mesh.positions.len()];
-    for quad in &mesh.quads {
-        let root = find(&mut parent, quad[0]);
-        let [a, b, c, d] = quad.map(|corner| mesh.positions[corner as usize].coords);
-        volumes[root as usize] += (a.dot(&b.cross(&c)) + a.dot(&c.cross(&d))) / 6.0;
+    for triangle in &mesh.triangles {
+        let root = find(&mut parent, triangle[0]);
+        let [a, b, c] = triangle.map(|corner| mesh.positions[corner as usize].coords);
+        volumes[root as usize] += a.dot(&b.cross(&c)) / 6.0;
     }
     let largest = volumes.iter().copied().fold(0.0, f64::max);
     let is_kept = |volume: f64| volume > 0.0 && volume >= min_share * largest;
@@ -41,18 +41,21 @@ pub fn without_floaters(mesh: &QuadMesh, min_share: f64) -> (QuadMesh, Pieces) {
     (subset(mesh, &kept), pieces)
 }
 
-fn subset(mesh: &QuadMesh, kept: &[bool]) -> QuadMesh {
+fn subset(mesh: &Mesh, kept: &[bool]) -> Mesh {
     let mut new_index = vec![u32::MAX; kept.len()];
     let mut positions = Vec::new();
     for (vertex, _) in kept.iter().enumerate().filter(|(_, kept)| **kept) {
         new_index[vertex] = positions.len() as u32;
         positions.push(mesh.positions[vertex]);
     }
-    let quads = mesh.quads.iter().filter(|quad| kept[quad[0] as usize]);
-    QuadMesh {
+    let triangles = mesh
+        .triangles
+        .iter()
+        .filter(|triangle| kept[triangle[0] as usize]);
+    Mesh {
         positions,
-        quads: quads
-            .map(|quad| quad.map(|corner| new_index[corner as usize]))
+        triangles: triangles
+            .map(|triangle| triangle.map(|corner| new_index[corner as usize]))
             .collect(),
     }
 }

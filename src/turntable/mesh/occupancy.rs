@@ -82,7 +82,7 @@ impl Occupancy {
     }
 
     /// The corners of a cell that are inside: bit 1 along X, 2 along Y, 4 along Z.
-    fn pattern(&self, [i, j, k]: [usize; 3]) -> u8 {
+    pub fn pattern(&self, [i, j, k]: [usize; 3]) -> u8 {
         (0..8).fold(0, |pattern, corner: usize| {
             let node = [i + (corner & 1), j + (corner >> 1 & 1), k + (corner >> 2)];
             pattern | u8::from(self.get(node)) << corner
@@ -90,7 +90,7 @@ impl Occupancy {
     }
 
     /// Adds nodes until inside and outside meet in faces only.
-    fn compose_well(&mut self) {
+    pub fn compose_well(&mut self) {
         let mut pending = Vec::new();
         for k in 0..=self.nodes[2] {
             for j in 0..=self.nodes[1] {

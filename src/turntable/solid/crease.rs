@@ -40,7 +40,7 @@ pub struct InkEvidence<'a> {
 impl InkEvidence<'_> {
     /// Whether ink is drawn at column `u_px` from the axis in row `y`; `None`
     /// near the outline.
-    fn ink_at(&self, u_px: f64, y: usize) -> Option<bool> {
+    pub fn ink_at(&self, u_px: f64, y: usize) -> Option<bool> {
         let inside = |&(low, high): &(f64, f64)| {
             low + OUTLINE_MARGIN_PX < u_px && u_px < high - OUTLINE_MARGIN_PX
         };

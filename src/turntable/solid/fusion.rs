@@ -39,6 +39,9 @@ impl CarvingView {
         let mut carving = Vec::new();
         for view in &sheet.views {
             let azimuth = sheet.azimuths[view.drawing];
+            let Some(depth_gain_px) = view.depth_gain_px else {
+                continue;
+            };
             let Some(index) = depth_maps.iter().position(|map| map.azimuth == azimuth) else {
                 continue;
             };
@@ -46,7 +49,7 @@ impl CarvingView {
                 azimuth_rad: view.outline.azimuth_rad,
                 axis_px: sheet.axis_px,
                 mirror_sum_px: view.mirror_sum_px,
-                depth_gain_px: view.depth_gain_px,
+                depth_gain_px,
                 width: depth_maps[index].depth.width() as usize,
                 height: depth_maps[index].depth.height() as usize,
                 samples: samples[index].clone(),

@@ -4,6 +4,7 @@
 mod crease;
 pub mod field;
 mod fusion;
+mod ghosts;
 mod holes;
 mod options;
 mod outline;
@@ -11,13 +12,21 @@ mod rounding;
 mod section;
 mod sheet;
 mod symmetry;
+#[cfg(test)]
+mod tests;
+mod voxel;
 
 use std::ops::ControlFlow;
 
 use image::{ImageBuffer, Luma};
 use nalgebra::{Point2, Point3};
 
-use super::mesh::{components, decimate, occupancy::Occupancy, surface};
+use super::mesh::confidence::{Support, Witness, vertex_support};
+use super::mesh::marching::marching_cubes;
+use super::mesh::occupancy::Occupancy;
+use super::mesh::shading::{CREASE_ANGLE_DEG, crease_edges};
+use super::mesh::texture::Rig;
+use super::mesh::{components, decimate, surface};
 use super::silhouette::Silhouettes;
 use super::views::ViewSet;
 use crate::geometry::Mesh;
@@ -34,6 +43,10 @@ pub use symmetry::MirrorPlane;
 pub struct Solid {
     /// Closed and manifold, outward; turntable frame, px.
     pub mesh: Mesh,
+    /// Edges of `mesh` that are creases, low vertex first.
+    pub creases: Vec<[u32; 2]>,
+    /// What each vertex of `mesh` rests on.
+    pub support: Vec<Support>,
     pub report: SolidReport,
 }
 
@@ -49,6 +62,8 @@ pub struct SolidReport {
     /// Slices through the solid and the distance between them, px.
     pub slices: usize,
     pub pitch_px: f64,
+    /// Parts that no outline needs and no line shows.
+    pub ghosts: usize,
     /// Corners of slices that are sharp, and all.
     pub sharp_corners: usize,
     pub corners: usize,
@@ -89,6 +104,7 @@ pub enum SolidStage {
     Field,
     Surface,
     Decimation,
+    Support,
 }
 
 /// Told before each stage; breaking cancels.
@@ -147,32 +163,73 @@ pub fn build(
     }
     tell(progress, SolidStage::Slices)?;
     let lattice = lattice_of(&sheet, &directions, options)?;
-    let slices = slices_of(&sheet, &directions, &lattice);
+    let mut slices = slices_of(&sheet, &directions, &lattice);
+    if options.drop_ghosts && options.kind == SolidKind::Creased {
+        report.ghosts = ghosts::drop_ghosts(&mut slices, &directions, &sheet.ink_evidence());
+    }
     report.slices = slices.len();
     report.pitch_px = lattice.pitch_px;
-    tell(progress, SolidStage::Creases)?;
-    let outlines = outlines_of(&sheet, &slices, &lattice, options, &mut report);
-    tell(progress, SolidStage::Field)?;
-    let mut field = field_of(lattice, outlines);
-    if options.fusion && options.kind == SolidKind::Creased && !input.depth_maps.is_empty() {
-        let views = fusion::CarvingView::of_sheet(&sheet, input.depth_maps);
-        report.carving_views = views.len();
-        fuse(&mut field, &slices, &views);
-    }
-    tell(progress, SolidStage::Surface)?;
-    let occupancy = Occupancy::of_field(&field);
-    let quads = surface::quads_of_field(&field, &occupancy);
-    let (quads, pieces) = components::without_floaters(&quads, options.min_piece_percent / 100.0);
+    let full = if options.kind == SolidKind::Voxel {
+        tell(progress, SolidStage::Surface)?;
+        let occupancy = voxel::carve(&lattice, &directions, sheet.origin_row_px);
+        marching_cubes(&lattice, &occupancy)
+    } else {
+        tell(progress, SolidStage::Creases)?;
+        let outlines = outlines_of(&sheet, &slices, &lattice, options, &mut report);
+        tell(progress, SolidStage::Field)?;
+        let mut field = field_of(lattice, outlines);
+        if options.fusion && options.kind == SolidKind::Creased && !input.depth_maps.is_empty() {
+            let views = fusion::CarvingView::of_sheet(&sheet, input.depth_maps);
+            report.carving_views = views.len();
+            fuse(&mut field, &slices, &views);
+        }
+        tell(progress, SolidStage::Surface)?;
+        let occupancy = Occupancy::of_field(&field);
+        decimate::triangles_of_quads(&surface::quads_of_field(&field, &occupancy))
+    };
+    let (full, pieces) = components::without_floaters(&full, options.min_piece_percent / 100.0);
     report.pieces = pieces;
-    if quads.quads.is_empty() {
+    if full.triangles.is_empty() {
         return Err(SolidError::Empty);
     }
     tell(progress, SolidStage::Decimation)?;
-    let full = decimate::triangles_of_quads(&quads);
     let mesh = decimate::decimated(&full, options.target_faces as usize, options.tolerance_px);
     report.full_faces = full.triangles.len();
     report.faces = mesh.triangles.len();
-    Ok(Solid { mesh, report })
+    tell(progress, SolidStage::Support)?;
+    Ok(Solid {
+        creases: crease_edges(&mesh, CREASE_ANGLE_DEG),
+        support: support_of(&mesh, input, &sheet),
+        mesh,
+        report,
+    })
+}
+
+/// The camera rig of `views`, for textures and visibility.
+pub fn rig_of(views: &ViewSet) -> Rig {
+    Rig {
+        azimuths: views.azimuths().collect(),
+        width: views.width(),
+        height: views.height(),
+        axis_px: views.axis_px(),
+        origin_row_px: views.origin_row_px(),
+    }
+}
+
+fn support_of(mesh: &Mesh, input: &SolidInput, sheet: &SolidSheet) -> Vec<Support> {
+    let silhouettes = input.silhouettes.silhouettes.iter().enumerate();
+    let witnesses: Vec<Witness> = silhouettes
+        .map(|(drawing, silhouette)| Witness {
+            silhouette,
+            near_ink: sheet.near_ink(drawing),
+            depth_px: input
+                .depth_maps
+                .iter()
+                .find(|map| map.azimuth == silhouette.azimuth())
+                .map(|map| &map.depth),
+        })
+        .collect();
+    vertex_support(mesh, &rig_of(input.views), &witnesses)
 }
 
 fn tell(

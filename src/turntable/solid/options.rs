@@ -53,8 +53,8 @@ pub struct SolidOptions {
     pub symmetry: Switch,
     /// Which closed regions are holes.
     pub holes: Holes,
-    /// Whether sections that several views share are narrowed to the parts drawn.
-    pub parts: bool,
+    /// Whether parts are dropped that no outline needs and no line shows.
+    pub drop_ghosts: bool,
     /// Whether depth maps carve the solid.
     pub fusion: bool,
     /// Cells along the solid's longest side, at least a pixel each.
@@ -79,7 +79,7 @@ impl Default for SolidOptions {
             boxy: false,
             symmetry: Switch::default(),
             holes: Holes::default(),
-            parts: true,
+            drop_ghosts: true,
             fusion: true,
             resolution: 192,
             target_faces: 10_000,

@@ -16,8 +16,10 @@ pub struct SolidView {
     pub drawing: usize,
     /// For a mirrored view: columns of view and drawing add up to this, px.
     pub mirror_sum_px: Option<f64>,
-    /// For a mirrored view: what the drawing's depth gains, px.
-    pub depth_gain_px: f64,
+    /// What the drawing's depth gains in this view, px; `None` if it says
+    /// nothing here: that a profile is symmetric does not make the front like
+    /// the back.
+    pub depth_gain_px: Option<f64>,
 }
 
 /// Drawings as ink bits, and views of them.
@@ -57,7 +59,7 @@ impl SolidSheet {
             outline: Outline::from_silhouette(silhouette, axis_px),
             drawing,
             mirror_sum_px: None,
-            depth_gain_px: 0.0,
+            depth_gain_px: Some(0.0),
         });
         Self {
             width,
@@ -108,7 +110,7 @@ impl SolidSheet {
                 outline: view.outline.mirrored(azimuth_rad, sum_px),
                 drawing: view.drawing,
                 mirror_sum_px: Some(sum_px),
-                depth_gain_px: plane.depth_gain_px(own_rad),
+                depth_gain_px: plane.left_right.then(|| plane.depth_gain_px(own_rad)),
             });
         }
     }

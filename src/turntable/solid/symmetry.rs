@@ -71,7 +71,11 @@ pub struct Drawing<'a> {
 /// `forced` the best one is taken however little it fits.
 pub fn detect(drawings: &[Drawing], forced: bool) -> Option<MirrorPlane> {
     let planes: Vec<MirrorPlane> = drawings.iter().filter_map(plane_of).collect();
-    let score = |plane: &MirrorPlane| plane.silhouette_iou + plane.ink_agreement.unwrap_or(1.0);
+    // Between equals the usual one: left like right.
+    let score = |plane: &MirrorPlane| {
+        let usual = if plane.left_right { 1e-3 } else { 0.0 };
+        plane.silhouette_iou + plane.ink_agreement.unwrap_or(1.0) + usual
+    };
     let fits = |plane: &&MirrorPlane| {
         forced
             || (plane.silhouette_iou > MIN_IOU
