@@ -57,7 +57,7 @@ pub fn decimated(mesh: &Mesh, target_faces: usize, tolerance_px: f64) -> Mesh {
         return mesh.clone();
     };
     let options = SimplifyOptions::ErrorAbsolute;
-    indices = meshopt::simplify(&indices, &adapter, 0, tolerance_px as f32, options, None);
+    indices = meshopt::simplify(&indices, &adapter, 0, tolerance_px.max(0.0) as f32, options, None);
     let target_faces = target_faces - target_faces / REPAIR_SHARE;
     if indices.len() > target_faces * 3 {
         indices = meshopt::simplify(

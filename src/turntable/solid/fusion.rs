@@ -68,7 +68,7 @@ impl CarvingView {
             return None;
         }
         let [depth, facing] = self.samples[row * self.width + column as usize];
-        if !(facing > MIN_COSINE) {
+        if facing.is_nan() || facing <= MIN_COSINE {
             return None;
         }
         let own = point.y * cosine - point.x * sine;

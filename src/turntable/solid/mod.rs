@@ -35,6 +35,7 @@ use crease::Slice;
 use field::{Field, Lattice, Plane};
 pub use holes::{Hole, HoleHint};
 pub use options::{Holes, SolidKind, SolidOptions, Switch};
+use outline::Outline;
 use sheet::SolidSheet;
 pub use symmetry::MirrorPlane;
 
@@ -121,6 +122,9 @@ pub struct SolidInput<'a> {
     pub hole_hints: &'a [HoleHint],
 }
 
+/// Fewer triangles bound no shape worth having.
+const MIN_TARGET_FACES: usize = 100;
+
 /// Builds the solid that the silhouettes, lines and depths of views show.
 ///
 /// # Errors
@@ -133,9 +137,39 @@ pub fn build(
 ) -> Result<Solid, SolidError> {
     let mut report = SolidReport::default();
     tell(progress, SolidStage::Views)?;
+    let sheet = prepared_sheet(input, options, &mut report);
+    let full = full_mesh(&sheet, input, options, progress, &mut report)?;
+    let (full, pieces) = components::without_floaters(&full, options.min_piece_percent / 100.0);
+    report.pieces = pieces;
+    if full.triangles.is_empty() {
+        return Err(SolidError::Empty);
+    }
+    tell(progress, SolidStage::Decimation)?;
+    let mesh = decimate::decimated(
+        &full,
+        (options.target_faces as usize).max(MIN_TARGET_FACES),
+        options.tolerance_px,
+    );
+    report.full_faces = full.triangles.len();
+    report.faces = mesh.triangles.len();
+    tell(progress, SolidStage::Support)?;
+    Ok(Solid {
+        creases: crease_edges(&mesh, CREASE_ANGLE_DEG),
+        support: support_of(&mesh, input, &sheet),
+        mesh,
+        report,
+    })
+}
+
+/// The views with their holes cut out, and mirrored ones.
+fn prepared_sheet(
+    input: &SolidInput,
+    options: &SolidOptions,
+    report: &mut SolidReport,
+) -> SolidSheet {
     let mut sheet = SolidSheet::new(input.views, input.silhouettes);
-    let masks = input.silhouettes.silhouettes.iter();
-    let (masks, half_line_px): (Vec<_>, Vec<_>) = masks
+    let silhouettes = input.silhouettes.silhouettes.iter();
+    let (masks, half_line_px): (Vec<_>, Vec<_>) = silhouettes
         .map(|silhouette| (silhouette.mask(), silhouette.half_line_px()))
         .unzip();
     if options.holes != Holes::Off || !input.hole_hints.is_empty() {
@@ -153,6 +187,17 @@ pub fn build(
             sheet.add_mirrored(plane);
         }
     }
+    sheet
+}
+
+/// The solid's surface before decimation.
+fn full_mesh(
+    sheet: &SolidSheet,
+    input: &SolidInput,
+    options: &SolidOptions,
+    progress: Progress,
+    report: &mut SolidReport,
+) -> Result<Mesh, SolidError> {
     let directions = sheet.directions();
     report.directions = directions.len();
     if directions.len() < 2 {
@@ -162,47 +207,32 @@ pub fn build(
         });
     }
     tell(progress, SolidStage::Slices)?;
-    let lattice = lattice_of(&sheet, &directions, options)?;
-    let mut slices = slices_of(&sheet, &directions, &lattice);
+    let lattice = lattice_of(sheet, &directions, options)?;
+    report.pitch_px = lattice.pitch_px;
+    if options.kind == SolidKind::Voxel {
+        tell(progress, SolidStage::Surface)?;
+        let occupancy = voxel::carve(&lattice, &directions, sheet.origin_row_px);
+        return Ok(marching_cubes(&lattice, &occupancy));
+    }
+    let mut slices = slices_of(sheet, &directions, &lattice);
+    report.slices = slices.len();
     if options.drop_ghosts && options.kind == SolidKind::Creased {
         report.ghosts = ghosts::drop_ghosts(&mut slices, &directions, &sheet.ink_evidence());
     }
-    report.slices = slices.len();
-    report.pitch_px = lattice.pitch_px;
-    let full = if options.kind == SolidKind::Voxel {
-        tell(progress, SolidStage::Surface)?;
-        let occupancy = voxel::carve(&lattice, &directions, sheet.origin_row_px);
-        marching_cubes(&lattice, &occupancy)
-    } else {
-        tell(progress, SolidStage::Creases)?;
-        let outlines = outlines_of(&sheet, &slices, &lattice, options, &mut report);
-        tell(progress, SolidStage::Field)?;
-        let mut field = field_of(lattice, outlines);
-        if options.fusion && options.kind == SolidKind::Creased && !input.depth_maps.is_empty() {
-            let views = fusion::CarvingView::of_sheet(&sheet, input.depth_maps);
-            report.carving_views = views.len();
-            fuse(&mut field, &slices, &views);
-        }
-        tell(progress, SolidStage::Surface)?;
-        let occupancy = Occupancy::of_field(&field);
-        decimate::triangles_of_quads(&surface::quads_of_field(&field, &occupancy))
-    };
-    let (full, pieces) = components::without_floaters(&full, options.min_piece_percent / 100.0);
-    report.pieces = pieces;
-    if full.triangles.is_empty() {
-        return Err(SolidError::Empty);
+    tell(progress, SolidStage::Creases)?;
+    let outlines = outlines_of(sheet, &slices, &lattice, options, report);
+    tell(progress, SolidStage::Field)?;
+    let mut field = field_of(lattice, outlines);
+    if options.fusion && options.kind == SolidKind::Creased && !input.depth_maps.is_empty() {
+        let views = fusion::CarvingView::of_sheet(sheet, input.depth_maps);
+        report.carving_views = views.len();
+        fuse(&mut field, &slices, &views);
     }
-    tell(progress, SolidStage::Decimation)?;
-    let mesh = decimate::decimated(&full, options.target_faces as usize, options.tolerance_px);
-    report.full_faces = full.triangles.len();
-    report.faces = mesh.triangles.len();
-    tell(progress, SolidStage::Support)?;
-    Ok(Solid {
-        creases: crease_edges(&mesh, CREASE_ANGLE_DEG),
-        support: support_of(&mesh, input, &sheet),
-        mesh,
-        report,
-    })
+    tell(progress, SolidStage::Surface)?;
+    let occupancy = Occupancy::of_field(&field);
+    Ok(decimate::triangles_of_quads(&surface::quads_of_field(
+        &field, &occupancy,
+    )))
 }
 
 /// The camera rig of `views`, for textures and visibility.
@@ -245,10 +275,10 @@ fn tell(
 /// The lattice that holds all that is inside every silhouette.
 fn lattice_of(
     sheet: &SolidSheet,
-    directions: &[super::solid::outline::Outline],
+    directions: &[Outline],
     options: &SolidOptions,
 ) -> Result<Lattice, SolidError> {
-    let ranges: Option<Vec<_>> = directions.iter().map(outline::Outline::row_range).collect();
+    let ranges: Option<Vec<_>> = directions.iter().map(Outline::row_range).collect();
     let (first, last) = ranges
         .ok_or(SolidError::NoCommonRow)?
         .into_iter()
@@ -273,8 +303,8 @@ fn lattice_of(
 }
 
 /// Nothing that a view shows is farther from the axis than this, px.
-fn half_extent_px(directions: &[outline::Outline]) -> f64 {
-    let reach = |outline: &outline::Outline| {
+fn half_extent_px(directions: &[Outline]) -> f64 {
+    let reach = |outline: &Outline| {
         outline
             .column_range()
             .map_or(0.0, |(low, high)| high.abs().max(low.abs()))
@@ -282,7 +312,7 @@ fn half_extent_px(directions: &[outline::Outline]) -> f64 {
     directions.iter().map(reach).fold(1.0, f64::max)
 }
 
-fn slices_of(sheet: &SolidSheet, directions: &[outline::Outline], lattice: &Lattice) -> Vec<Slice> {
+fn slices_of(sheet: &SolidSheet, directions: &[Outline], lattice: &Lattice) -> Vec<Slice> {
     use rayon::prelude::*;
     let half_px = half_extent_px(directions);
     (0..lattice.nodes[2])

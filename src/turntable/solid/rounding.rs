@@ -19,7 +19,7 @@ const POINTS_PER_RADIAN: f64 = 6.0;
 /// points.
 pub fn rounded(section: &Section, sharp: &[bool]) -> Vec<Point2<f64>> {
     let n = section.len();
-    let touches: Vec<Point2<f64>> = (0..n).map(|i| touch_point(section, i, sharp)).collect();
+    let touches: Vec<Point2<f64>> = (0..n).map(|i| touch_point(section, i)).collect();
     let mut outline = Vec::with_capacity(n * 8);
     for corner in 0..n {
         let before = touches[(corner + n - 1) % n];
@@ -35,15 +35,16 @@ pub fn rounded(section: &Section, sharp: &[bool]) -> Vec<Point2<f64>> {
 
 /// Where the rounded outline touches edge `i`: nearer to the end that turns
 /// less, as on an ellipse that touches its neighbours too.
-fn touch_point(section: &Section, i: usize, sharp: &[bool]) -> Point2<f64> {
+fn touch_point(section: &Section, i: usize) -> Point2<f64> {
     let n = section.len();
     let next = (i + 1) % n;
     let half_tangent =
         |corner: usize| (section.turning_rad(corner).min(MAX_TURNING_RAD) / 2.0).tan();
     let (from, to) = (half_tangent(i), half_tangent(next));
-    let share = match (sharp[i], sharp[next]) {
-        _ if from + to < 1e-9 => 0.5,
-        _ => from / (from + to),
+    let share = if from + to < 1e-9 {
+        0.5
+    } else {
+        from / (from + to)
     };
     section.corners[i] + (section.corners[next] - section.corners[i]) * share
 }
