@@ -9,7 +9,9 @@
 
 pub mod depth;
 pub mod ink;
+pub mod mesh;
 pub mod silhouette;
+pub mod solid;
 pub mod views;
 
 pub use views::{View, ViewSet, ViewSetError};
