@@ -86,28 +86,20 @@ impl Degradation {
         random: &mut ChaCha8Rng,
     ) -> Vec<&'a Stroke> {
         let is_interior = |stroke: &Stroke| stroke.kind != LineKind::Silhouette;
-        let interior: Vec<_> = (0..strokes.len())
-            .filter(|&i| is_interior(&strokes[i]))
-            .collect();
+        let interior: Vec<_> = (0..strokes.len()).filter(|&i| is_interior(&strokes[i])).collect();
         let count = (self.missing_interior * interior.len() as f64).round() as usize;
         let mut missing = vec![false; strokes.len()];
         for chosen in index::sample(random, interior.len(), count.min(interior.len())) {
             missing[interior[chosen]] = true;
         }
         let strokes = strokes.iter().zip(missing);
-        strokes
-            .filter_map(|(stroke, missing)| (!missing).then_some(stroke))
-            .collect()
+        strokes.filter_map(|(stroke, missing)| (!missing).then_some(stroke)).collect()
     }
 
     fn wobbled(&self, stroke: &Stroke, random: &mut ChaCha8Rng) -> Stroke {
         let spacing_px = (self.wobble_wavelength_px / 10.0).clamp(1.0, 4.0);
         let [x, y, pressure] = [(); 3].map(|()| Noise::new(self.wobble_wavelength_px, random));
-        let mut redrawn = Stroke {
-            kind: stroke.kind,
-            points: Vec::new(),
-            widths_px: Vec::new(),
-        };
+        let mut redrawn = Stroke { kind: stroke.kind, points: Vec::new(), widths_px: Vec::new() };
         let middle = (self.width_min_px + self.width_max_px) / 2.0;
         let half = (self.width_max_px - self.width_min_px) / 2.0;
         for (distance, point) in resampled(stroke, spacing_px) {
@@ -176,16 +168,10 @@ fn split_at_gaps(stroke: &Stroke, gaps: &[[f64; 2]]) -> Vec<Stroke> {
     let mut parts: Vec<Stroke> = Vec::new();
     let mut drawing = false;
     for (distance, point) in resampled(stroke, 1.0) {
-        let in_gap = gaps
-            .iter()
-            .any(|&[from, to]| (from..=to).contains(&distance));
+        let in_gap = gaps.iter().any(|&[from, to]| (from..=to).contains(&distance));
         if !in_gap {
             if !drawing {
-                parts.push(Stroke {
-                    kind: stroke.kind,
-                    points: Vec::new(),
-                    widths_px: Vec::new(),
-                });
+                parts.push(Stroke { kind: stroke.kind, points: Vec::new(), widths_px: Vec::new() });
             }
             let width = width_at(stroke, distance);
             if let Some(part) = parts.last_mut() {

@@ -62,22 +62,13 @@ pub enum DegradePreset {
 
 impl DegradeOptions {
     pub fn preset(preset: DegradePreset, seed: u64) -> Self {
-        Self {
-            preset: Some(preset),
-            seed,
-            ..Self::default()
-        }
+        Self { preset: Some(preset), seed, ..Self::default() }
     }
 
     pub(super) fn check(&self) -> Result<(), DrawError> {
         let checks = [
             ("degrade.wobble_rms_px", self.wobble_rms_px, 0.0, 20.0),
-            (
-                "degrade.wobble_wavelength_px",
-                self.wobble_wavelength_px,
-                4.0,
-                1000.0,
-            ),
+            ("degrade.wobble_wavelength_px", self.wobble_wavelength_px, 4.0, 1000.0),
             ("degrade.gap_share", self.gap_share, 0.0, 0.9),
             ("degrade.width_min_px", self.width_min_px, 0.1, 32.0),
             ("degrade.width_max_px", self.width_max_px, 0.1, 32.0),
@@ -85,19 +76,9 @@ impl DegradeOptions {
             ("degrade.paper_texture", self.paper_texture, 0.0, 0.5),
             ("degrade.scale_error", self.scale_error, 0.0, 0.2),
             ("degrade.shift_px", self.shift_px, 0.0, 100.0),
-            (
-                "degrade.azimuth_error_deg",
-                self.azimuth_error_deg,
-                0.0,
-                20.0,
-            ),
+            ("degrade.azimuth_error_deg", self.azimuth_error_deg, 0.0, 20.0),
             ("degrade.missing_interior", self.missing_interior, 0.0, 1.0),
-            (
-                "degrade.jpeg_quality",
-                self.jpeg_quality.map(f64::from),
-                0.0,
-                100.0,
-            ),
+            ("degrade.jpeg_quality", self.jpeg_quality.map(f64::from), 0.0, 100.0),
         ];
         checks
             .into_iter()
@@ -125,9 +106,7 @@ impl DegradeOptions {
             wobble_wavelength_px: self.wobble_wavelength_px.unwrap_or(40.0),
             gap_share: self.gap_share.unwrap_or(0.02 * strength),
             width_min_px: self.width_min_px.unwrap_or(thinnest),
-            width_max_px: self
-                .width_max_px
-                .unwrap_or(line_width_px * (1.0 + strength * 2.0 / 3.0)),
+            width_max_px: self.width_max_px.unwrap_or(line_width_px * (1.0 + strength * 2.0 / 3.0)),
             pencil_lightness: self.pencil_lightness.unwrap_or(0.3 * strength),
             paper_texture: self.paper_texture.unwrap_or(0.015 * strength),
             scale_error: self.scale_error.unwrap_or(0.02 * strength),

@@ -73,10 +73,8 @@ impl DegradationDocument {
         errors: impl Iterator<Item = (Azimuth, ViewError)>,
         options: &DrawOptions,
     ) -> Option<Self> {
-        let entries = errors.map(|(azimuth, error)| ViewErrorEntry {
-            azimuth_deg: azimuth.degrees(),
-            error,
-        });
+        let entries =
+            errors.map(|(azimuth, error)| ViewErrorEntry { azimuth_deg: azimuth.degrees(), error });
         Some(Self {
             seed: options.degrade.seed,
             limits: options.degrade.resolved(options.line_width_px)?,

@@ -62,15 +62,8 @@ pub(super) struct ViewedModel<'a> {
 impl<'a> ViewedModel<'a> {
     pub fn new(model: &'a PreparedModel, camera: &Camera) -> Self {
         let positions = &model.mesh.positions;
-        let points: Vec<_> = positions
-            .iter()
-            .map(|&p| camera.view_from_model(p))
-            .collect();
-        let mut viewed = Self {
-            model,
-            points,
-            faces_viewer: Vec::new(),
-        };
+        let points: Vec<_> = positions.iter().map(|&p| camera.view_from_model(p)).collect();
+        let mut viewed = Self { model, points, faces_viewer: Vec::new() };
         viewed.faces_viewer = (0..model.mesh.triangles.len())
             .map(|face| doubled_area(viewed.corners(face)) < 0.0)
             .collect();
@@ -97,19 +90,12 @@ impl<'a> ViewedModel<'a> {
     fn edge_segment(&self, index: usize, rules: &LineRules) -> Option<Segment> {
         let edge = &self.model.edges[index];
         let kind = self.edge_kind(index, rules)?;
-        let ends = edge
-            .vertices
-            .map(|v| (Node::Vertex(v), self.points[v as usize]));
+        let ends = edge.vertices.map(|v| (Node::Vertex(v), self.points[v as usize]));
         let outward = match kind {
             LineKind::Contour | LineKind::Border => self.outward(edge),
             _ => Vector2::zeros(),
         };
-        Some(Segment {
-            ends,
-            kind,
-            host: Host::Edge(index as u32),
-            outward,
-        })
+        Some(Segment { ends, kind, host: Host::Edge(index as u32), outward })
     }
 
     fn edge_kind(&self, index: usize, rules: &LineRules) -> Option<LineKind> {
@@ -152,11 +138,9 @@ impl<'a> ViewedModel<'a> {
     }
 
     fn outward(&self, edge: &Edge) -> Vector2<f64> {
-        let farthest =
-            self.sides(edge).fold(
-                0.0_f64,
-                |far, side| if side.abs() > far.abs() { side } else { far },
-            );
+        let farthest = self
+            .sides(edge)
+            .fold(0.0_f64, |far, side| if side.abs() > far.abs() { side } else { far });
         let [a, b] = edge.vertices;
         perpendicular(self.points[a as usize], self.points[b as usize]) * -farthest.signum()
     }
@@ -200,7 +184,5 @@ fn doubled_area([a, b, c]: [Point3<f64>; 3]) -> f64 {
 /// The unit vector at right angles to a projected segment; zero if it is a point.
 fn perpendicular(a: Point3<f64>, b: Point3<f64>) -> Vector2<f64> {
     let along = Point2::new(b.x, b.y) - Point2::new(a.x, a.y);
-    Vector2::new(-along.y, along.x)
-        .try_normalize(1e-12)
-        .unwrap_or_default()
+    Vector2::new(-along.y, along.x).try_normalize(1e-12).unwrap_or_default()
 }

@@ -19,18 +19,12 @@ impl LineRules {
     pub fn new(model: &PreparedModel, crease_angle_deg: f64, style: ContourStyle) -> Self {
         // Two faces at interior angle t have normals at 180 - t.
         let cos_crease = -crease_angle_deg.to_radians().cos();
-        let static_kinds = model
-            .edges
-            .iter()
-            .map(|e| static_kind(model, e, cos_crease));
+        let static_kinds = model.edges.iter().map(|e| static_kind(model, e, cos_crease));
         let smooth_normals = match style {
             ContourStyle::Polygonal => None,
             ContourStyle::Auto => model.corner_normals.clone(),
             ContourStyle::Smooth => Some(
-                model
-                    .corner_normals
-                    .clone()
-                    .unwrap_or_else(|| averaged_normals(model, cos_crease)),
+                model.corner_normals.clone().unwrap_or_else(|| averaged_normals(model, cos_crease)),
             ),
         };
         let is_smooth = match &smooth_normals {
@@ -40,11 +34,7 @@ impl LineRules {
                 edges.map(|e| is_smooth(model, e, normals)).collect()
             }
         };
-        Self {
-            static_kinds: static_kinds.collect(),
-            is_smooth,
-            smooth_normals,
-        }
+        Self { static_kinds: static_kinds.collect(), is_smooth, smooth_normals }
     }
 }
 
@@ -53,11 +43,7 @@ fn static_kind(model: &PreparedModel, edge: &Edge, cos_crease: f64) -> Option<Li
     let cosine = |a: usize, b: usize| {
         let dot = model.face_normals[faces[a].face as usize]
             .dot(&model.face_normals[faces[b].face as usize]);
-        if faces[a].forward == faces[b].forward {
-            -dot
-        } else {
-            dot
-        }
+        if faces[a].forward == faces[b].forward { -dot } else { dot }
     };
     let pairs = || (0..faces.len()).flat_map(|a| (0..a).map(move |b| (a, b)));
     // Where more than two faces meet, a pair that goes on smoothly is no crease.
@@ -65,9 +51,7 @@ fn static_kind(model: &PreparedModel, edge: &Edge, cos_crease: f64) -> Option<Li
         return Some(LineKind::Crease);
     }
     let material = |index: usize| model.materials[faces[index].face as usize];
-    (1..faces.len())
-        .any(|index| material(index) != material(0))
-        .then_some(LineKind::Material)
+    (1..faces.len()).any(|index| material(index) != material(0)).then_some(LineKind::Material)
 }
 
 /// Whether both triangles of an edge have the same normals at its ends.
@@ -81,9 +65,7 @@ fn is_smooth(model: &PreparedModel, edge: &Edge, normals: &[[Vector3<f64>; 3]]) 
         let corner = triangle.into_iter().position(|v| v == vertex).unwrap_or(0);
         normals[face as usize][corner]
     };
-    edge.vertices
-        .into_iter()
-        .all(|v| (normal_at(a.face, v) - normal_at(b.face, v)).norm() < SAME)
+    edge.vertices.into_iter().all(|v| (normal_at(a.face, v) - normal_at(b.face, v)).norm() < SAME)
 }
 
 /// Normals for models that give none: at each corner the mean over the triangles at the vertex
@@ -101,18 +83,12 @@ fn averaged_normals(model: &PreparedModel, cos_crease: f64) -> Vec<[Vector3<f64>
     }
     let averaged = |face: usize, vertex: u32| {
         let own = model.face_normals[face];
-        let near = around[vertex as usize]
-            .iter()
-            .filter_map(|&(other, angle)| {
-                let normal = model.face_normals[other as usize];
-                (normal.dot(&own) > cos_crease).then_some(normal * angle)
-            });
-        near.sum::<Vector3<f64>>()
-            .try_normalize(1e-12)
-            .unwrap_or(own)
+        let near = around[vertex as usize].iter().filter_map(|&(other, angle)| {
+            let normal = model.face_normals[other as usize];
+            (normal.dot(&own) > cos_crease).then_some(normal * angle)
+        });
+        near.sum::<Vector3<f64>>().try_normalize(1e-12).unwrap_or(own)
     };
     let faces = triangles.iter().enumerate();
-    faces
-        .map(|(face, triangle)| triangle.map(|v| averaged(face, v)))
-        .collect()
+    faces.map(|(face, triangle)| triangle.map(|v| averaged(face, v))).collect()
 }

@@ -199,9 +199,7 @@ fn finished_sheet(
 ) -> Result<Vec<Artifact>, DrawError> {
     let azimuths: Vec<_> = views.iter().map(|view| view.page_view.azimuth).collect();
     let document = SheetDocument::new(&azimuths, options, depth_scale);
-    let errors = views
-        .iter()
-        .filter_map(|view| Some((view.page_view.azimuth, view.error?)));
+    let errors = views.iter().filter_map(|view| Some((view.page_view.azimuth, view.error?)));
     let degradation = DegradationDocument::new(errors, options);
     let (mut artifacts, mut page_views) = (Vec::new(), Vec::new());
     for view in views {

@@ -31,14 +31,8 @@ pub(super) struct Visibility<'a> {
 impl<'a> Visibility<'a> {
     pub fn new(viewed: &'a ViewedModel<'a>, tree: &'a TriangleTree) -> Self {
         let faces = 0..viewed.model.mesh.triangles.len();
-        let boxes = faces
-            .map(|face| ViewBox::of(&viewed.corners(face)))
-            .collect();
-        Self {
-            viewed,
-            tree: tree.over(boxes),
-            visited: Cell::new(0),
-        }
+        let boxes = faces.map(|face| ViewBox::of(&viewed.corners(face))).collect();
+        Self { viewed, tree: tree.over(boxes), visited: Cell::new(0) }
     }
 
     /// # Errors
@@ -61,9 +55,7 @@ impl<'a> Visibility<'a> {
             if !self.hosts(segment.host, face) {
                 hidden.extend(hidden_part(p, q, self.viewed.corners(face as usize)));
             }
-            hidden
-                .last()
-                .is_none_or(|&[from, to]| from > 0.0 || to < 1.0)
+            hidden.last().is_none_or(|&[from, to]| from > 0.0 || to < 1.0)
         });
         complement(hidden, (q - p).xy().norm())
     }
@@ -93,11 +85,7 @@ impl<'a> Visibility<'a> {
         let [p, q] = [segment.ends[0].1, segment.ends[1].1];
         let middle = p + (q - p) * ((from + to) / 2.0);
         let beyond = middle.xy() + segment.outward * BEYOND_PX;
-        if self.covers(beyond) {
-            segment.kind
-        } else {
-            LineKind::Silhouette
-        }
+        if self.covers(beyond) { segment.kind } else { LineKind::Silhouette }
     }
 
     /// Whether any triangle lies over a point of the picture.
@@ -124,9 +112,7 @@ fn hidden_part(p: Point3<f64>, q: Point3<f64>, [a, b, c]: [Point3<f64>; 3]) -> O
     let area = (b - a).xy().perp(&(c - a).xy());
     let longest = [(b - a), (c - b), (a - c)]
         .iter()
-        .fold(0.0_f64, |longest, side| {
-            longest.max(side.xy().norm_squared())
-        });
+        .fold(0.0_f64, |longest, side| longest.max(side.xy().norm_squared()));
     // Seen edge-on, a triangle hides nothing, and its depth has no slope.
     if area.abs() <= 1e-9 * longest {
         return None;

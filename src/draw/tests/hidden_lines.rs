@@ -75,8 +75,5 @@ fn index_of_own_face(model: &PreparedModel, segment: &features::Segment) -> Opti
     let features::Host::Edge(edge) = segment.host else {
         return None;
     };
-    model
-        .faces_of(&model.edges[edge as usize])
-        .first()
-        .map(|side| side.face as usize)
+    model.faces_of(&model.edges[edge as usize]).first().map(|side| side.face as usize)
 }

@@ -22,10 +22,7 @@ fn azimuth(degrees: f64) -> Azimuth {
 
 fn draw(model: &Model, degrees: f64, options: &DrawOptions) -> DrawnView {
     let prepared = PreparedModel::new(model).unwrap();
-    Drawer::new(&prepared, options)
-        .unwrap()
-        .draw_view(azimuth(degrees))
-        .unwrap()
+    Drawer::new(&prepared, options).unwrap().draw_view(azimuth(degrees)).unwrap()
 }
 
 fn exact(model: &Model, degrees: f64) -> DrawnView {
@@ -34,20 +31,12 @@ fn exact(model: &Model, degrees: f64) -> DrawnView {
 
 /// Smaller pictures for what does not depend on the size.
 fn small() -> DrawOptions {
-    DrawOptions {
-        width_px: 192,
-        height_px: 108,
-        ..DrawOptions::default()
-    }
+    DrawOptions { width_px: 192, height_px: 108, ..DrawOptions::default() }
 }
 
 fn length(view: &DrawnView, kind: Option<LineKind>) -> f64 {
     let wanted = |stroke: &&Stroke| kind.is_none_or(|kind| stroke.kind == kind);
-    view.strokes
-        .iter()
-        .filter(wanted)
-        .map(Stroke::length_px)
-        .sum()
+    view.strokes.iter().filter(wanted).map(Stroke::length_px).sum()
 }
 
 const PIXELS_PER_UNIT: f64 = 960.0 / 7.3;
@@ -74,10 +63,7 @@ fn joined(mut model: Model, other: Model) -> Model {
     let first = model.mesh.positions.len() as u32;
     model.mesh.positions.extend(other.mesh.positions);
     let triangles = other.mesh.triangles.into_iter();
-    model
-        .mesh
-        .triangles
-        .extend(triangles.map(|t| t.map(|v| v + first)));
+    model.mesh.triangles.extend(triangles.map(|t| t.map(|v| v + first)));
     model.materials.extend(other.materials);
     model
 }

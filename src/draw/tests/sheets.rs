@@ -6,59 +6,30 @@ use super::*;
 fn refuses_what_cannot_be_drawn() {
     let model = PreparedModel::new(&cuboid([40.0; 3])).unwrap();
     let error = Drawer::new(&model, &DrawOptions::default()).err().unwrap();
-    assert!(
-        matches!(error, DrawError::CameraInsideModel { .. }),
-        "{error}"
-    );
-    assert_eq!(
-        PreparedModel::new(&Model::default()).unwrap_err(),
-        DrawError::NoTriangles
-    );
+    assert!(matches!(error, DrawError::CameraInsideModel { .. }), "{error}");
+    assert_eq!(PreparedModel::new(&Model::default()).unwrap_err(), DrawError::NoTriangles);
     let mut broken = cuboid([1.0; 3]);
     broken.mesh.positions[3].y = f64::NAN;
     let error = PreparedModel::new(&broken).unwrap_err();
     assert!(matches!(error, DrawError::InvalidModel { .. }), "{error}");
-    let options = DrawOptions {
-        scale: f64::NAN,
-        ..DrawOptions::default()
-    };
+    let options = DrawOptions { scale: f64::NAN, ..DrawOptions::default() };
     let cube = PreparedModel::new(&cuboid([1.0; 3])).unwrap();
     let error = Drawer::new(&cube, &options).err().unwrap();
-    assert!(
-        matches!(
-            error,
-            DrawError::OptionOutOfRange {
-                option: "scale",
-                ..
-            }
-        ),
-        "{error}"
-    );
+    assert!(matches!(error, DrawError::OptionOutOfRange { option: "scale", .. }), "{error}");
 }
 
 #[test]
 fn a_fitted_model_fills_the_frame_without_leaving_it() {
     let model = PreparedModel::new(&cuboid([400.0, 100.0, 900.0])).unwrap();
     for elevation_deg in [0.0, 40.0] {
-        let options = DrawOptions {
-            fit: true,
-            elevation_deg,
-            ..small()
-        };
+        let options = DrawOptions { fit: true, elevation_deg, ..small() };
         let azimuths = [0.0, 37.0, 90.0].map(azimuth);
         let files =
             draw_sheet(&model, &azimuths, &options, &|_| ControlFlow::Continue(())).unwrap();
-        let mask = files
-            .iter()
-            .find(|file| file.name == "mask_000.png")
-            .unwrap();
+        let mask = files.iter().find(|file| file.name == "mask_000.png").unwrap();
         let mask = image::load_from_memory(&mask.bytes).unwrap().into_luma8();
         let covered: Vec<_> = mask.enumerate_pixels().filter(|p| p.2.0[0] > 0).collect();
-        assert!(
-            covered
-                .iter()
-                .all(|(x, y, _)| (1..191).contains(x) && (1..107).contains(y))
-        );
+        assert!(covered.iter().all(|(x, y, _)| (1..191).contains(x) && (1..107).contains(y)));
         let rows = covered.iter().map(|p| p.1).max().unwrap() - covered[0].1;
         assert!(rows > 60, "{rows} rows");
     }
@@ -75,25 +46,13 @@ fn a_sheet_has_every_file_and_a_document_that_names_them() {
     let files = draw_sheet(&model, &azimuths, &small(), &progress_through).unwrap();
     let names: Vec<_> = files.iter().map(|file| file.name.as_str()).collect();
     for stem in ["000", "022.5", "090"] {
-        for kind in [
-            "view_S.png",
-            "view_S.svg",
-            "depth_S.png",
-            "depth_S.pfm",
-            "mask_S.png",
-        ] {
-            assert!(
-                names.contains(&kind.replace('S', stem).as_str()),
-                "{kind} {stem}"
-            );
+        for kind in ["view_S.png", "view_S.svg", "depth_S.png", "depth_S.pfm", "mask_S.png"] {
+            assert!(names.contains(&kind.replace('S', stem).as_str()), "{kind} {stem}");
         }
     }
     assert!(names.contains(&"disparity_000_022.5.pfm"));
     assert!(names.contains(&"disparity_022.5_000.pfm"));
-    assert!(
-        !names.iter().any(|name| name.starts_with("disparity_090")),
-        "too far apart"
-    );
+    assert!(!names.iter().any(|name| name.starts_with("disparity_090")), "too far apart");
     assert!(!names.contains(&"degradation.json"));
     let sheet = &files.last().unwrap();
     assert_eq!(sheet.name, "sheet.json");
@@ -111,16 +70,11 @@ fn a_sheet_has_every_file_and_a_document_that_names_them() {
 #[test]
 fn the_same_bytes_whatever_the_number_of_threads() {
     let model = PreparedModel::new(&torus(1.2, 0.5, 24, 12)).unwrap();
-    let options = DrawOptions {
-        degrade: DegradeOptions::preset(DegradePreset::Middle, 7),
-        ..small()
-    };
+    let options =
+        DrawOptions { degrade: DegradeOptions::preset(DegradePreset::Middle, 7), ..small() };
     let azimuths = [0.0, 15.0, 30.0, 45.0].map(azimuth);
     let with_threads = |count: usize| {
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(count)
-            .build()
-            .unwrap();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(count).build().unwrap();
         pool.install(|| draw_sheet(&model, &azimuths, &options, &progress_through).unwrap())
     };
     assert_eq!(with_threads(1), with_threads(3));
@@ -150,15 +104,10 @@ fn the_page_holds_all_views_with_labels() {
     let cell = page.width() / 8;
     let ink_in = |left: u32, top: u32| {
         let inside = |x: u32, y: u32| x / cell == left && y / (page.height() / 2) == top;
-        page.enumerate_pixels()
-            .filter(|(x, y, p)| inside(*x, *y) && p.0[0] < 128)
-            .count()
+        page.enumerate_pixels().filter(|(x, y, p)| inside(*x, *y) && p.0[0] < 128).count()
     };
     assert!((0..8).all(|column| ink_in(column, 0) > 50));
-    assert!(
-        ink_in(0, 1) > 50 && ink_in(1, 1) == 0,
-        "the ninth view begins a row"
-    );
+    assert!(ink_in(0, 1) > 50 && ink_in(1, 1) == 0, "the ninth view begins a row");
 }
 
 #[test]

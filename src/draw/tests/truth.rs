@@ -19,12 +19,8 @@ fn depth_is_the_distance_from_the_camera_plane() {
 
 #[test]
 fn a_pixel_is_covered_by_half_of_its_samples_and_tells_the_nearest() {
-    let options = DrawOptions {
-        width_px: 16,
-        height_px: 16,
-        scale: 16.0,
-        ..DrawOptions::default()
-    };
+    let options =
+        DrawOptions { width_px: 16, height_px: 16, scale: 16.0, ..DrawOptions::default() };
     // The near plate covers the left half of pixel column 8, the far one everything.
     let near = plate(-3.75, -2.0, 0.0, 4.25, 4.0);
     let alone = draw(&near, 0.0, &options).truth;
@@ -34,10 +30,7 @@ fn a_pixel_is_covered_by_half_of_its_samples_and_tells_the_nearest() {
     assert_eq!(both.depth.get_pixel(8, 8).0[0], 6.0);
     assert_eq!(both.depth.get_pixel(9, 8).0[0], 9.0);
     let corner = draw(&plate(-3.75, -2.0, 3.75, 4.25, 3.5), 0.0, &options).truth;
-    assert!(
-        corner.depth.get_pixel(8, 7).0[0].is_nan(),
-        "one sample of four is not enough"
-    );
+    assert!(corner.depth.get_pixel(8, 7).0[0].is_nan(), "one sample of four is not enough");
 }
 
 #[test]
@@ -48,10 +41,7 @@ fn normals_point_at_the_viewer() {
     assert_eq!(from_behind.normals.get_pixel(480, 270).0, [128, 128, 255]);
     let turned = exact(&plate(0.0, 0.0, 0.0, 1.0, 1.0), 45.0).truth;
     let [x, y, z] = turned.normals.get_pixel(480, 270).0;
-    assert!(
-        x < 40 && y == 128 && z > 215,
-        "towards the viewer's left: {x} {y} {z}"
-    );
+    assert!(x < 40 && y == 128 && z > 215, "towards the viewer's left: {x} {y} {z}");
 }
 
 #[test]
@@ -63,28 +53,19 @@ fn inverse_depth_is_a_ramp_from_near_white() {
 #[test]
 fn disparity_leads_to_the_same_point_in_the_neighbouring_view() {
     for elevation_deg in [0.0, 25.0] {
-        let options = DrawOptions {
-            elevation_deg,
-            ..small()
-        };
+        let options = DrawOptions { elevation_deg, ..small() };
         let model = uv_sphere(1.5, 48, 64);
         let view = draw(&model, 20.0, &options);
         let disparity = disparity_towards(&view.truth.depth, &view.camera, &options, 10.0);
         let next = Camera::new(azimuth(30.0), &options);
         let mut checked = 0;
-        for (column, row, depth) in view
-            .truth
-            .depth
-            .enumerate_pixels()
-            .filter(|p| p.2.0[0].is_finite())
+        for (column, row, depth) in
+            view.truth.depth.enumerate_pixels().filter(|p| p.2.0[0].is_finite())
         {
             let point = model_point(&view.camera, column, row, f64::from(depth.0[0]));
             let expected = f64::from(column) + 0.5 - next.view_from_model(point).x;
             let found = f64::from(disparity.get_pixel(column, row).0[0]);
-            assert!(
-                (found - expected).abs() < 1e-3,
-                "{found} instead of {expected}"
-            );
+            assert!((found - expected).abs() < 1e-3, "{found} instead of {expected}");
             checked += 1;
         }
         assert!(checked > 1000);
