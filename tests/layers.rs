@@ -12,15 +12,16 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("jobs", &[]),
     ("artifacts", &["jobs"]),
     ("vision", &["geometry", "options", "sheet"]),
+    ("turntable", &["geometry", "options", "sheet"]),
     ("pipeline", &["geometry", "options", "sheet", "vision"]),
-    ("export", &["geometry", "options", "pipeline", "sheet", "vision"]),
-    ("draft", &["export", "geometry", "options", "pipeline", "sheet"]),
+    ("export", &["geometry", "options", "pipeline", "sheet", "turntable", "vision"]),
+    ("draft", &["export", "geometry", "options", "pipeline", "sheet", "turntable"]),
     ("worker", &["artifacts", "draft", "export", "jobs", "options", "pipeline", "sheet"]),
     ("http", &["artifacts", "draft", "jobs", "options", "pipeline", "sheet"]),
 ];
 
 /// Modules that compute and do nothing else.
-const PURE: &[&str] = &["geometry", "vision", "pipeline", "export", "options"];
+const PURE: &[&str] = &["geometry", "vision", "turntable", "pipeline", "export", "options"];
 
 /// What a pure module never names.
 const IMPURE: &[&str] = &[

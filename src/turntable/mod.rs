@@ -10,6 +10,7 @@
 pub mod depth;
 pub mod ink;
 pub mod mesh;
+pub mod registration;
 pub mod silhouette;
 pub mod solid;
 pub mod views;

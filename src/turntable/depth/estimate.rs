@@ -14,32 +14,8 @@ use super::lines::{LineDepths, LineView, angle_between, line_depths};
 use super::owners::{outline_owners, owners};
 use super::points::{PointCloud, Refinement};
 use super::triples::Bounds;
+pub use crate::options::DepthOptions;
 use crate::sheet::Azimuth;
-
-/// How depth maps are made from lines.
-#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct DepthOptions {
-    /// The widest angle to a neighbouring view whose lines are matched, degrees.
-    #[schemars(range(min = 1.0, max = 45.0))]
-    pub max_neighbour_deg: f64,
-    /// The angle that is best to match over where views are denser, degrees.
-    #[schemars(range(min = 0.5, max = 45.0))]
-    pub preferred_neighbour_deg: f64,
-    /// How often the surface is solved again with what other views say.
-    #[schemars(range(max = 10))]
-    pub refinements: u32,
-}
-
-impl Default for DepthOptions {
-    fn default() -> Self {
-        Self {
-            max_neighbour_deg: 20.0,
-            preferred_neighbour_deg: 5.0,
-            refinements: 3,
-        }
-    }
-}
 
 /// What a pixel's depth rests on, as stored in [`ViewDepth::confidence`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

@@ -10,28 +10,8 @@ use super::ink::InkMap;
 use super::views::{View, ViewSet};
 use crate::sheet::Azimuth;
 
+pub use crate::options::SilhouetteOptions;
 pub use opposite::OppositePair;
-
-/// How silhouettes are found.
-#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct SilhouetteOptions {
-    /// The widest gap in an outline that is closed before the outside is
-    /// filled, px. 0 closes none.
-    #[schemars(range(max = 64))]
-    pub max_gap_px: u32,
-    /// Give opposite views one silhouette, the second mirrored.
-    pub join_opposites: bool,
-}
-
-impl Default for SilhouetteOptions {
-    fn default() -> Self {
-        Self {
-            max_gap_px: 10,
-            join_opposites: true,
-        }
-    }
-}
 
 /// Where a silhouette comes from.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]

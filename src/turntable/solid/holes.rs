@@ -4,10 +4,10 @@ use std::f64::consts::PI;
 
 use image::GrayImage;
 
-use super::options::Holes;
 use super::outline::{Outline, difference, length};
 use super::section::sections_of_row;
 use super::sheet::SolidSheet;
+use crate::options::Holes;
 use crate::sheet::Azimuth;
 
 /// A point of a drawing that is known to be a hole.

@@ -1,5 +1,72 @@
+//! Options of the method `turntable`.
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+
+/// What the method `turntable` does.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct TurntableOptions {
+    /// Whether drawings that are off in place or size are moved to fit the
+    /// others; how well they agree is reported in any case.
+    pub register: bool,
+    /// Whether textured.glb has each drawing as a plane behind the model.
+    pub reference_planes: bool,
+    pub silhouette: SilhouetteOptions,
+    pub depth: DepthOptions,
+    pub solid: SolidOptions,
+}
+
+impl Default for TurntableOptions {
+    fn default() -> Self {
+        Self {
+            register: false,
+            reference_planes: true,
+            silhouette: SilhouetteOptions::default(),
+            depth: DepthOptions::default(),
+            solid: SolidOptions::default(),
+        }
+    }
+}
+
+/// How silhouettes are found.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct SilhouetteOptions {
+    /// The widest gap in an outline that is closed before the outside is
+    /// filled, px. 0 closes none.
+    #[schemars(range(max = 64))]
+    pub max_gap_px: u32,
+    /// Give opposite views one silhouette, the second mirrored.
+    pub join_opposites: bool,
+}
+
+impl Default for SilhouetteOptions {
+    fn default() -> Self {
+        Self { max_gap_px: 10, join_opposites: true }
+    }
+}
+
+/// How depth maps are made from lines.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct DepthOptions {
+    /// The widest angle to a neighbouring view whose lines are matched, degrees.
+    #[schemars(range(min = 1.0, max = 45.0))]
+    pub max_neighbour_deg: f64,
+    /// The angle that is best to match over where views are denser, degrees.
+    #[schemars(range(min = 0.5, max = 45.0))]
+    pub preferred_neighbour_deg: f64,
+    /// How often the surface is solved again with what other views say.
+    #[schemars(range(max = 10))]
+    pub refinements: u32,
+}
+
+impl Default for DepthOptions {
+    fn default() -> Self {
+        Self { max_neighbour_deg: 20.0, preferred_neighbour_deg: 5.0, refinements: 3 }
+    }
+}
 
 /// How the solid is found from the silhouettes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
