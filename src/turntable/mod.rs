@@ -9,6 +9,7 @@
 
 pub mod depth;
 pub mod ink;
+pub mod registration;
 pub mod silhouette;
 pub mod views;
 
