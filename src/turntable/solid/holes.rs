@@ -8,6 +8,7 @@ use super::options::Holes;
 use super::outline::{Outline, difference, length};
 use super::section::sections_of_row;
 use super::sheet::SolidSheet;
+use super::symmetry::MirrorPlane;
 use crate::sheet::Azimuth;
 
 /// A point of a drawing that is known to be a hole.
@@ -63,10 +64,13 @@ struct Region {
 ///
 /// * `masks`: the silhouettes of the drawn views, in their order.
 /// * `half_line_px`: per view, how far a hole reaches under its line.
+/// * `plane`: the subject's mirror plane. Views from its two sides are alike
+///   whatever they show and confirm nothing.
 pub fn carve(
     sheet: &mut SolidSheet,
     masks: &[&GrayImage],
     half_line_px: &[f64],
+    plane: Option<&MirrorPlane>,
     hints: &[HoleHint],
     mode: Holes,
 ) -> Vec<Hole> {
@@ -77,7 +81,7 @@ pub fn carve(
         .collect();
     let mut regions: Vec<Region> = per_view.into_iter().flatten().collect();
     regions.sort_by(|a, b| a.ring.total_cmp(&b.ring));
-    let accepted = accept(sheet, &regions, hints, mode);
+    let accepted = accept(sheet, &regions, plane, hints, mode);
     let mut holes = Vec::new();
     for (region, hinted) in accepted {
         cut(
@@ -215,6 +219,7 @@ fn chamfer_distance_px(mask: &GrayImage) -> Vec<f32> {
 fn accept<'a>(
     sheet: &SolidSheet,
     regions: &'a [Region],
+    plane: Option<&MirrorPlane>,
     hints: &[HoleHint],
     mode: Holes,
 ) -> Vec<(&'a Region, bool)> {
@@ -235,7 +240,7 @@ fn accept<'a>(
         };
         let found = mode != Holes::Off
             && region.ring <= max_ring
-            && confirmed_across(sheet, regions, region, mode)
+            && confirmed_across(sheet, regions, region, plane, mode)
             && uncovered_share(sheet, regions, region) < MAX_UNCOVERED;
         if hinted || found {
             accepted.push((region, hinted));
@@ -257,13 +262,21 @@ fn is_hinted(sheet: &SolidSheet, region: &Region, hint: &HoleHint) -> bool {
 
 /// Whether the opposite view shows the mirrored region; without one, whether
 /// `mode` is eager.
-fn confirmed_across(sheet: &SolidSheet, regions: &[Region], region: &Region, mode: Holes) -> bool {
+fn confirmed_across(
+    sheet: &SolidSheet,
+    regions: &[Region],
+    region: &Region,
+    plane: Option<&MirrorPlane>,
+    mode: Holes,
+) -> bool {
+    let own_rad = sheet.views[region.view].outline.azimuth_rad;
+    let alike = plane.is_some_and(|plane| (plane.azimuth_rad(own_rad) - own_rad).cos() < -0.999);
     match opposite(sheet, region.view) {
-        None => mode == Holes::Eager,
-        Some(across) => regions
+        Some(across) if !alike || mode == Holes::Eager => regions
             .iter()
             .filter(|other| other.view == across)
             .any(|other| mirrored_iou(region, other, sheet.width) > MIN_OPPOSITE_IOU),
+        _ => mode == Holes::Eager,
     }
 }
 

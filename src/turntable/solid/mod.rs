@@ -172,17 +172,21 @@ fn prepared_sheet(
     let (masks, half_line_px): (Vec<_>, Vec<_>) = silhouettes
         .map(|silhouette| (silhouette.mask(), silhouette.half_line_px()))
         .unzip();
+    let seen = symmetry::detect(&sheet.drawings(), false);
     if options.holes != Holes::Off || !input.hole_hints.is_empty() {
         report.holes = holes::carve(
             &mut sheet,
             &masks,
             &half_line_px,
+            seen.as_ref(),
             input.hole_hints,
             options.holes,
         );
     }
     if options.symmetry != Switch::Off && options.kind == SolidKind::Creased {
-        report.mirror_plane = symmetry::detect(&sheet.drawings(), options.symmetry == Switch::On);
+        let forced = options.symmetry == Switch::On;
+        report.mirror_plane =
+            seen.or_else(|| symmetry::detect(&sheet.drawings(), true).filter(|_| forced));
         if let Some(plane) = &report.mirror_plane {
             sheet.add_mirrored(plane);
         }
