@@ -11,8 +11,8 @@ use super::*;
 use crate::pipeline::{Progress, Silent};
 use crate::sheet::ViewDocument;
 
-const WIDTH: u32 = 320;
-const HEIGHT: u32 = 240;
+const WIDTH: u32 = 240;
+const HEIGHT: u32 = 180;
 
 type Files = BTreeMap<String, Vec<u8>>;
 
