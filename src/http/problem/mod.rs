@@ -165,7 +165,7 @@ impl From<StoreError> for Problem {
     }
 }
 
-/// The body is written by [`render`], which knows the path.
+/// The body is written further out, by `render`, which knows the path.
 impl IntoResponse for Problem {
     fn into_response(self) -> Response {
         let mut response = self.0.kind.status.into_response();
