@@ -56,21 +56,21 @@ fn fill(picture: &mut GrayImage, depths: &mut [f64], [a, b, c]: [Point3<f64>; 3]
         return;
     }
     let grey = shade((b - a).cross(&(c - a)));
-    let span = |pick: fn(&Point3<f64>) -> f64| {
-        let values = [pick(&a), pick(&b), pick(&c)];
-        let low = values.iter().copied().fold(f64::INFINITY, f64::min).floor().max(0.0);
-        let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max).ceil();
-        low as u32..(high.max(0.0) as u32 + 1).min(side)
+    let weights = |x: f64, y: f64| {
+        let p = Point2::new(x, y);
+        let weight = |s: &Point3<f64>, t: &Point3<f64>| (t.xy() - s.xy()).perp(&(p - s.xy()));
+        [weight(&b, &c), weight(&c, &a), weight(&a, &b)].map(|w| w / area)
     };
-    for y in span(|p| p.y) {
-        for x in span(|p| p.x) {
-            let p = Point2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
-            let weight = |s: &Point3<f64>, t: &Point3<f64>| (t.xy() - s.xy()).perp(&(p - s.xy()));
-            let weights = [weight(&b, &c), weight(&c, &a), weight(&a, &b)].map(|w| w / area);
-            if weights.iter().any(|&w| w < 0.0) {
+    let low = a.y.min(b.y).min(c.y).floor().max(0.0) as u32;
+    let high = (a.y.max(b.y).max(c.y).ceil().max(0.0) as u32 + 1).min(side);
+    for y in low..high {
+        let row = f64::from(y) + 0.5;
+        for x in inside(weights(0.5, row), weights(1.5, row), side) {
+            let [u, v, w] = weights(f64::from(x) + 0.5, row);
+            if u < 0.0 || v < 0.0 || w < 0.0 {
                 continue;
             }
-            let depth = weights[0] * a.z + weights[1] * b.z + weights[2] * c.z;
+            let depth = u * a.z + v * b.z + w * c.z;
             let stored = &mut depths[(y * side + x) as usize];
             if depth < *stored {
                 *stored = depth;
@@ -78,6 +78,23 @@ fn fill(picture: &mut GrayImage, depths: &mut [f64], [a, b, c]: [Point3<f64>; 3]
             }
         }
     }
+}
+
+/// The columns of a row where a triangle's weights, linear along the row and
+/// given at its first two columns, are positive; a column more on either side.
+fn inside(first: [f64; 3], second: [f64; 3], side: u32) -> std::ops::Range<u32> {
+    let (mut low, mut high) = (0.0, f64::from(side));
+    for (start, next) in first.into_iter().zip(second) {
+        let slope = next - start;
+        if slope > 0.0 {
+            low = f64::max(low, -start / slope - 1.0);
+        } else if slope < 0.0 {
+            high = f64::min(high, start / -slope + 2.0);
+        } else if start < 0.0 {
+            return 0..0;
+        }
+    }
+    if low < high { low as u32..high as u32 } else { 0..0 }
 }
 
 /// Grey of a face, lit from the viewer's upper left; both sides alike.
