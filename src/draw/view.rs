@@ -104,8 +104,8 @@ impl<'a> Drawer<'a> {
         let mut pieces = Vec::new();
         for segment in viewed.segments(camera, &self.rules) {
             visibility.check_work()?;
-            for part in visibility.visible_parts(&segment) {
-                let kind = visibility.resolved_kind(&segment, part);
+            let visible = visibility.visible_parts(&segment);
+            for (part, kind) in visible.into_iter().flat_map(|v| visibility.resolved(&segment, v)) {
                 let ends = piece_ends(&segment, part, pieces.len() as u32);
                 pieces.push(Piece { kind, ends });
             }

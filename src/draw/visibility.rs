@@ -75,16 +75,51 @@ impl<'a> Visibility<'a> {
         }
     }
 
-    /// Contours and borders with nothing beyond them are silhouettes.
-    pub fn resolved_kind(&self, segment: &Segment, [from, to]: [f64; 2]) -> LineKind {
-        const BEYOND_PX: f64 = 0.5;
+    /// Splits a visible part into silhouettes, the contours and borders with nothing beyond them,
+    /// and the rest.
+    pub fn resolved(&self, segment: &Segment, [from, to]: [f64; 2]) -> Vec<([f64; 2], LineKind)> {
+        const STEP_PX: f64 = 4.0;
         let outlines = matches!(segment.kind, LineKind::Contour | LineKind::Border);
         if !outlines || segment.outward.norm_squared() == 0.0 {
-            return segment.kind;
+            return vec![([from, to], segment.kind)];
         }
         let [p, q] = [segment.ends[0].1, segment.ends[1].1];
-        let middle = p + (q - p) * ((from + to) / 2.0);
-        let beyond = middle.xy() + segment.outward * BEYOND_PX;
+        let length_px = (q - p).xy().norm() * (to - from);
+        let steps = (length_px / STEP_PX).ceil().clamp(1.0, 4096.0) as usize;
+        let at = |step: f64| from + (to - from) * step / steps as f64;
+        let mut start = from;
+        let mut kind = self.kind_at(segment, at(0.5));
+        let mut resolved = Vec::new();
+        for step in 1..steps {
+            let next = self.kind_at(segment, at(step as f64 + 0.5));
+            if next != kind {
+                let around = [at(step as f64 - 0.5), at(step as f64 + 0.5)];
+                let change = self.change(segment, around, kind);
+                resolved.push(([start, change], kind));
+                (start, kind) = (change, next);
+            }
+        }
+        resolved.push(([start, to], kind));
+        resolved
+    }
+
+    /// Where within an interval the kind stops being `kind`, by bisection.
+    fn change(&self, segment: &Segment, [mut low, mut high]: [f64; 2], kind: LineKind) -> f64 {
+        for _ in 0..8 {
+            let middle = (low + high) / 2.0;
+            if self.kind_at(segment, middle) == kind {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        high
+    }
+
+    fn kind_at(&self, segment: &Segment, t: f64) -> LineKind {
+        const BEYOND_PX: f64 = 0.5;
+        let [p, q] = [segment.ends[0].1, segment.ends[1].1];
+        let beyond = (p + (q - p) * t).xy() + segment.outward * BEYOND_PX;
         if self.covers(beyond) { segment.kind } else { LineKind::Silhouette }
     }
 
@@ -107,7 +142,7 @@ fn contains([a, b, c]: [Point3<f64>; 3], point: Point2<f64>) -> bool {
     sides.iter().all(|&s| s >= 0.0) || sides.iter().all(|&s| s <= 0.0)
 }
 
-/// The interval of the segment p-q that lies behind a triangle.
+/// The interval of the segment p-q that lies behind a triangle, or just beyond its sides.
 fn hidden_part(p: Point3<f64>, q: Point3<f64>, [a, b, c]: [Point3<f64>; 3]) -> Option<[f64; 2]> {
     let area = (b - a).xy().perp(&(c - a).xy());
     let longest = [(b - a), (c - b), (a - c)]
@@ -117,10 +152,13 @@ fn hidden_part(p: Point3<f64>, q: Point3<f64>, [a, b, c]: [Point3<f64>; 3]) -> O
     if area.abs() <= 1e-9 * longest {
         return None;
     }
+    // A sliver's tip reaches far beyond its sides: the overlap shrinks with its height.
+    let height_px = area.abs() / longest.sqrt();
+    let overlap_px = OVERLAP_PX * height_px.min(1.0);
     let mut interval = [0.0, 1.0];
     for [from, to] in [[a, b], [b, c], [c, a]] {
         let along = (to - from).xy();
-        let slack = OVERLAP_PX * along.norm();
+        let slack = overlap_px * along.norm();
         let side = |r: Point3<f64>| along.perp(&(r - from).xy()) * area.signum() + slack;
         clip(&mut interval, side(p), side(q))?;
     }
@@ -145,21 +183,29 @@ fn clip(interval: &mut [f64; 2], at_0: f64, at_1: f64) -> Option<()> {
     (interval[0] < interval[1]).then_some(())
 }
 
-/// What the hidden intervals leave of [0, 1]; gaps too short to see, which rounding leaves
-/// between neighbouring triangles, are closed.
+/// What the hidden intervals leave of [0, 1]. Neither gaps nor hidden intervals too short to see
+/// count: rounding leaves both where triangles meet.
 fn complement(mut hidden: Vec<[f64; 2]>, length_px: f64) -> Vec<[f64; 2]> {
     const SHORTEST_PX: f64 = 0.01;
     let shortest = SHORTEST_PX / length_px.max(SHORTEST_PX);
     hidden.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]));
+    let mut merged: Vec<[f64; 2]> = Vec::new();
+    for [from, to] in hidden {
+        match merged.last_mut() {
+            Some(last) if from - last[1] <= shortest => last[1] = last[1].max(to),
+            _ => merged.push([from, to]),
+        }
+    }
+    merged.retain(|[from, to]| to - from >= shortest);
     let mut visible = Vec::new();
     let mut reached = 0.0;
-    for [from, to] in hidden {
+    for [from, to] in merged {
         if from - reached > shortest {
             visible.push([reached, from]);
         }
-        reached = f64::max(reached, to);
+        reached = to;
     }
-    if 1.0 - reached > shortest || visible.is_empty() && reached == 0.0 {
+    if reached == 0.0 || 1.0 - reached > shortest {
         visible.push([reached, 1.0]);
     }
     visible

@@ -251,9 +251,9 @@ mod gltf {
             {"translation": [0, 0, 7]},
         ]));
         document["skins"] = json!([{"joints": [2]}]);
-        // Joint 0 with a weight of 1 for every vertex: the indices' zeros, and ones of the normals.
+        // Joint 0 with a weight of 1 for every vertex: the first vertex is all zeros.
         document["accessors"].as_array_mut().unwrap().extend([
-            json!({"componentType": 5121, "count": 3, "type": "VEC4"}),
+            json!({"bufferView": 0, "componentType": 5121, "count": 3, "type": "VEC4"}),
             json!({"bufferView": 1, "componentType": 5126, "count": 3, "type": "VEC3"}),
         ]);
         let attributes = &mut document["meshes"][0]["primitives"][0]["attributes"];
@@ -311,10 +311,13 @@ mod gltf {
         let mut view = single();
         view["bufferViews"][0]["byteOffset"] = json!(u64::MAX);
         assert!(malformed(load_document(&view)));
+        let mut wide = single();
+        wide["accessors"][2]["componentType"] = json!(5125);
+        assert!(malformed(load_document(&wide)));
         let mut index = single();
-        index["accessors"][2]["componentType"] = json!(5121);
-        index["accessors"][2]["byteOffset"] = json!(2);
-        assert!(load_document(&index).is_err());
+        index["accessors"][0]["count"] = json!(2);
+        let expected = ModelError::IndexOutOfRange { triangle: 0, vertex: 2, vertices: 2 };
+        assert_eq!(load_document(&index), Err(expected));
     }
 
     #[test]

@@ -51,9 +51,10 @@ fn lines_end_where_they_pass_behind_something() {
     let emerges =
         view.strokes.iter().flat_map(|stroke| [stroke.points[0], *stroke.points.last().unwrap()]);
     assert!(emerges.into_iter().any(|p| (p.x - edge).abs() < 1e-3));
-    // Before the rear plate the front one's sides are no outline.
+    // Only before the rear plate are the front one's sides no outline; half a pixel is looked
+    // beyond the line, so the change is found that far off at most.
     let border = length(&view, Some(LineKind::Border));
-    assert!((border - 2.0 * 0.6 * PIXELS_PER_UNIT).abs() < 1.0 || border == 0.0, "{border}");
+    assert!((border - 2.0 * 0.6 * PIXELS_PER_UNIT).abs() < 1.0, "{border}");
 }
 
 /// Two rectangles that share an edge, at `interior_deg` to each other.

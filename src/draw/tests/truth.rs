@@ -8,7 +8,8 @@ fn depth_is_the_distance_from_the_camera_plane() {
     // A point of the plate at x in the picture: X cos a - sin a = x, d = -X sin a - cos a.
     let (sin, cos) = 40.0_f64.to_radians().sin_cos();
     let column = 420_u32;
-    let x = (f64::from(column) + 0.5 - 480.0) / PIXELS_PER_UNIT;
+    // Of the four samples the two on the right are nearer.
+    let x = (f64::from(column) + 0.75 - 480.0) / PIXELS_PER_UNIT;
     let plate_x = (x + sin) / cos;
     let depth = 8.0 - plate_x * sin - cos;
     assert!((f64::from(truth.depth.get_pixel(column, 270).0[0]) - depth).abs() < 1e-4);
@@ -19,17 +20,22 @@ fn depth_is_the_distance_from_the_camera_plane() {
 
 #[test]
 fn a_pixel_is_covered_by_half_of_its_samples_and_tells_the_nearest() {
-    let options =
-        DrawOptions { width_px: 16, height_px: 16, scale: 16.0, ..DrawOptions::default() };
+    let options = DrawOptions {
+        width_px: 16,
+        height_px: 16,
+        scale: 16.0,
+        distance: 20.0,
+        ..DrawOptions::default()
+    };
     // The near plate covers the left half of pixel column 8, the far one everything.
     let near = plate(-3.75, -2.0, 0.0, 4.25, 4.0);
     let alone = draw(&near, 0.0, &options).truth;
-    assert_eq!(alone.depth.get_pixel(8, 8).0[0], 6.0);
+    assert_eq!(alone.depth.get_pixel(8, 8).0[0], 18.0);
     assert!(alone.depth.get_pixel(9, 8).0[0].is_nan());
     let both = draw(&joined(near, plate(0.0, 1.0, 0.0, 7.0, 4.0)), 0.0, &options).truth;
-    assert_eq!(both.depth.get_pixel(8, 8).0[0], 6.0);
-    assert_eq!(both.depth.get_pixel(9, 8).0[0], 9.0);
-    let corner = draw(&plate(-3.75, -2.0, 3.75, 4.25, 3.5), 0.0, &options).truth;
+    assert_eq!(both.depth.get_pixel(8, 8).0[0], 18.0);
+    assert_eq!(both.depth.get_pixel(9, 8).0[0], 21.0);
+    let corner = draw(&plate(-3.75, -2.0, 4.0, 4.25, 3.5), 0.0, &options).truth;
     assert!(corner.depth.get_pixel(8, 7).0[0].is_nan(), "one sample of four is not enough");
 }
 
