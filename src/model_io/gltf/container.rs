@@ -35,6 +35,7 @@ impl<'a> Container<'a> {
         if let Some(needed) = required.iter().find(|name| !irrelevant(name)) {
             return Err(ModelError::unsupported(FORMAT, format!("extension {needed}")));
         }
+        check_attributes(&root)?;
         let document = Document::from_json(root).map_err(|e| malformed(&e))?;
         let buffers = document
             .buffers()
@@ -55,6 +56,20 @@ impl<'a> Container<'a> {
             );
             ModelError::malformed(FORMAT, reason)
         })
+    }
+}
+
+/// The parser's validation looks attributes up before it has checked their indices.
+fn check_attributes(root: &json::Root) -> Result<(), ModelError> {
+    let accessors = root.accessors.len();
+    let primitives = root.meshes.iter().flat_map(|mesh| &mesh.primitives);
+    let mut indices = primitives.flat_map(|primitive| primitive.attributes.values());
+    match indices.find(|index| index.value() >= accessors) {
+        Some(index) => {
+            let reason = format!("a primitive uses accessor {} of {accessors}", index.value());
+            Err(ModelError::malformed(FORMAT, reason))
+        }
+        None => Ok(()),
     }
 }
 
