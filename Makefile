@@ -10,7 +10,7 @@ run:
 
 # Install what the tests need and run all of them.
 test:
-	@scripts/install-prerequisites test
+	@scripts/install-prerequisites
 	cargo test --locked
 
 check: lint docs test

@@ -9,6 +9,7 @@ pub mod draft;
 pub mod draw;
 pub mod evaluation;
 pub mod export;
+pub mod float_image;
 pub mod geometry;
 pub mod http;
 pub mod jobs;

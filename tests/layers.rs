@@ -6,19 +6,20 @@ use std::path::{Path, PathBuf};
 
 /// Modules of the crate and the modules they may import.
 const MAY_USE: &[(&str, &[&str])] = &[
+    ("float_image", &[]),
     ("geometry", &[]),
     ("sheet", &["geometry", "options"]),
     ("options", &[]),
     ("jobs", &[]),
     ("artifacts", &["jobs"]),
-    ("vision", &["geometry", "options", "sheet"]),
-    ("pipeline", &["geometry", "options", "sheet", "vision"]),
-    ("export", &["geometry", "options", "pipeline", "sheet", "vision"]),
+    ("vision", &["float_image", "geometry", "options", "sheet"]),
+    ("pipeline", &["float_image", "geometry", "options", "sheet", "vision"]),
+    ("export", &["float_image", "geometry", "options", "pipeline", "sheet", "vision"]),
     ("model_io", &["geometry"]),
     ("models", &["geometry", "model_io"]),
-    ("draw", &["geometry", "model_io", "models", "sheet"]),
-    ("evaluation", &["geometry", "sheet"]),
-    ("draft", &["export", "geometry", "options", "pipeline", "sheet"]),
+    ("draw", &["float_image", "geometry", "model_io", "models", "sheet"]),
+    ("evaluation", &["float_image", "geometry", "sheet"]),
+    ("draft", &["float_image", "export", "geometry", "options", "pipeline", "sheet"]),
     ("worker", &["artifacts", "draft", "export", "jobs", "options", "pipeline", "sheet"]),
     ("http", &["artifacts", "draft", "jobs", "options", "pipeline", "sheet"]),
 ];

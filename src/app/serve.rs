@@ -120,7 +120,6 @@ fn worker_config(config: &WorkersConfig) -> WorkerConfig {
         threads_per_job,
         lease: Duration::from_secs(config.lease),
         heartbeat: Duration::from_secs(config.heartbeat),
-        shutdown_grace: Duration::from_secs(config.shutdown_grace),
         ..WorkerConfig::default()
     }
 }

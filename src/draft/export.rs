@@ -6,8 +6,9 @@ use super::{DraftError, EmitArtifact};
 use crate::export::{
     AbsentArtifact, Artifact, ArtifactName, Bundle, DepthPicture, ExportFrame, MeshExtras,
     MetricsDocument, PairArtifact, ViewArtifact, cloud_ply, depth_png, disparity_png, glb,
-    matches_json, matches_png, pfm, rectified_png, thumbnail,
+    matches_json, matches_png, rectified_png, thumbnail,
 };
+use crate::float_image::encode_pfm;
 use crate::options::Options;
 use crate::pipeline::{
     Metrics, Observer, PairResult, Progress, Reconstruction, Stage, ViewResult, rectified_pair,
@@ -246,9 +247,9 @@ fn view_files(view: &ViewResult) -> Result<Files, DraftError> {
     files.depth_picture = Some(DepthPicture { name: depth_name.to_string(), encoding });
     files.artifacts = vec![
         Artifact::new(name(ViewArtifact::DisparityPng), disparity_png(disparity)?),
-        Artifact::new(name(ViewArtifact::DisparityPfm), pfm(disparity)),
+        Artifact::new(name(ViewArtifact::DisparityPfm), encode_pfm(disparity)),
         Artifact::new(depth_name, depth_picture),
-        Artifact::new(name(ViewArtifact::DepthPfm), pfm(depth)),
+        Artifact::new(name(ViewArtifact::DepthPfm), encode_pfm(depth)),
     ];
     Ok(files)
 }

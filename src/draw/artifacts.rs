@@ -3,7 +3,8 @@ use std::io::Cursor;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{DynamicImage, ImageBuffer, Luma};
 
-use super::{DrawError, FloatMap};
+use super::DrawError;
+use crate::float_image::FloatImage;
 use crate::sheet::Azimuth;
 
 /// A file of a drawn sheet.
@@ -108,18 +109,8 @@ fn png(image: &DynamicImage) -> image::ImageResult<Vec<u8>> {
     Ok(bytes.into_inner())
 }
 
-/// Portable float map: little-endian, bottom row first.
-pub(super) fn pfm(map: &FloatMap) -> Vec<u8> {
-    let mut bytes = format!("Pf\n{} {}\n-1.0\n", map.width(), map.height()).into_bytes();
-    bytes.reserve(4 * map.as_raw().len());
-    for row in map.as_raw().chunks(map.width().max(1) as usize).rev() {
-        row.iter().for_each(|value| bytes.extend(value.to_le_bytes()));
-    }
-    bytes
-}
-
 /// Depth in counts; background is 0.
-pub(super) fn depth_counts(depth: &FloatMap, counts_per_unit: f64) -> DynamicImage {
+pub(super) fn depth_counts(depth: &FloatImage, counts_per_unit: f64) -> DynamicImage {
     let counts = depth.as_raw().iter().map(|&depth| {
         if depth.is_finite() {
             (f64::from(depth) * counts_per_unit).round().clamp(1.0, 65535.0) as u16
@@ -145,18 +136,8 @@ mod tests {
     }
 
     #[test]
-    fn a_float_map_begins_with_its_bottom_row() {
-        let map = FloatMap::from_raw(1, 2, vec![1.0, f32::NAN]).unwrap();
-        let bytes = pfm(&map);
-        let header = b"Pf\n1 2\n-1.0\n";
-        assert!(bytes.starts_with(header));
-        assert!(f32::from_le_bytes(bytes[header.len()..][..4].try_into().unwrap()).is_nan());
-        assert_eq!(bytes[header.len() + 4..], 1.0_f32.to_le_bytes());
-    }
-
-    #[test]
     fn depth_counts_keep_the_background_apart() {
-        let map = FloatMap::from_raw(3, 1, vec![f32::NAN, 1e-9, 6.224]).unwrap();
+        let map = FloatImage::from_raw(3, 1, vec![f32::NAN, 1e-9, 6.224]).unwrap();
         let counts = depth_counts(&map, 4096.0).into_luma16();
         assert_eq!(counts.as_raw(), &[0, 1, 25494]);
     }

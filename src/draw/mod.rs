@@ -42,5 +42,5 @@ pub use options::{Background, ContourStyle, DrawOptions};
 pub use prepared::PreparedModel;
 pub use sheet::draw_sheet;
 pub use svg::svg;
-pub use truth::{FloatMap, GroundTruth, disparity_towards, normalised_inverse_depth};
+pub use truth::{GroundTruth, disparity_towards, normalised_inverse_depth};
 pub use view::{Drawer, DrawnView};

@@ -4,12 +4,13 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use image::DynamicImage;
 use rayon::prelude::*;
 
-use super::artifacts::{Artifact, ArtifactKind, depth_counts, pfm};
+use super::artifacts::{Artifact, ArtifactKind, depth_counts};
 use super::documents::{DegradationDocument, SheetDocument};
 use super::page::{InkBounds, PageView, compose_page};
 use super::svg::svg;
 use super::truth::{disparity_towards, normalised_inverse_depth};
 use super::{DrawError, DrawOptions, Drawer, DrawnView, PreparedModel, ViewError};
+use crate::float_image::encode_pfm;
 use crate::sheet::Azimuth;
 
 /// Views of one sheet.
@@ -157,7 +158,7 @@ fn view_files(
         ArtifactKind::View(azimuth).with_image(&view.image)?,
         ArtifactKind::Strokes(azimuth).with(svg(&view.strokes, options).into_bytes()),
         ArtifactKind::Depth(azimuth).with_image(&depth_counts(&truth.depth, depth_scale))?,
-        ArtifactKind::DepthFloat(azimuth).with(pfm(&truth.depth)),
+        ArtifactKind::DepthFloat(azimuth).with(encode_pfm(&truth.depth)),
         ArtifactKind::InverseDepth(azimuth)
             .with_image(&grey(&normalised_inverse_depth(&truth.depth)))?,
         ArtifactKind::Mask(azimuth).with_image(&grey(&truth.mask))?,
@@ -166,7 +167,7 @@ fn view_files(
     ];
     for &(other, angle_deg) in neighbours {
         let disparity = disparity_towards(&truth.depth, &view.camera, options, angle_deg);
-        files.push(ArtifactKind::Disparity(azimuth, other).with(pfm(&disparity)));
+        files.push(ArtifactKind::Disparity(azimuth, other).with(encode_pfm(&disparity)));
     }
     Ok(ViewFiles {
         files,

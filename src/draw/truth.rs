@@ -1,13 +1,11 @@
-use image::{GrayImage, ImageBuffer, Luma, Rgb, RgbImage};
+use image::{GrayImage, Luma, Rgb, RgbImage};
 use nalgebra::Vector3;
 
 use super::camera::Camera;
 use super::features::ViewedModel;
 use super::raster::SampleBuffer;
 use super::{DrawError, DrawOptions, PreparedModel};
-
-/// A map of numbers, one a pixel; NaN where there is none.
-pub type FloatMap = ImageBuffer<Luma<f32>, Vec<f32>>;
+use crate::float_image::FloatImage;
 
 /// What is known about one view of the model, pixel by pixel.
 ///
@@ -16,7 +14,7 @@ pub type FloatMap = ImageBuffer<Luma<f32>, Vec<f32>>;
 #[derive(Clone, Debug, PartialEq)]
 pub struct GroundTruth {
     /// Distance from the camera plane in scene units; NaN is background.
-    pub depth: FloatMap,
+    pub depth: FloatImage,
     /// 255 where the model is.
     pub mask: GrayImage,
     /// Unit normal in the view frame with y up and z towards the viewer, each component's
@@ -52,7 +50,7 @@ fn gather(
 ) -> GroundTruth {
     let (width, height) = (options.width_px, options.height_px);
     let mut truth = GroundTruth {
-        depth: FloatMap::from_pixel(width, height, Luma([f32::NAN])),
+        depth: FloatImage::from_pixel(width, height, Luma([f32::NAN])),
         mask: GrayImage::new(width, height),
         normals: RgbImage::new(width, height),
     };
@@ -115,7 +113,7 @@ fn encoded(sum: Vector3<f64>) -> Rgb<u8> {
 
 /// The dissertation's ground truth: depth inverted and normalised to a linear 8-bit ramp, the
 /// nearest white (255), the farthest 1, the background 0.
-pub fn normalised_inverse_depth(depth: &FloatMap) -> GrayImage {
+pub fn normalised_inverse_depth(depth: &FloatImage) -> GrayImage {
     let known = || depth.as_raw().iter().copied().filter(|d| d.is_finite());
     let nearest = known().fold(f32::INFINITY, f32::min);
     let farthest = known().fold(f32::NEG_INFINITY, f32::max);
@@ -133,14 +131,14 @@ pub fn normalised_inverse_depth(depth: &FloatMap) -> GrayImage {
 /// and t the angle from this view to the other: x (1 - cos t) - d sin t. Nearer is larger for the
 /// next view counter-clockwise. In views from above or below it is the horizontal part.
 pub fn disparity_towards(
-    depth: &FloatMap,
+    depth: &FloatImage,
     camera: &Camera,
     options: &DrawOptions,
     angle_deg: f64,
-) -> FloatMap {
+) -> FloatImage {
     let (sin_t, cos_t) = angle_deg.to_radians().sin_cos();
     let (sin_e, cos_e) = options.elevation_deg.to_radians().sin_cos();
-    FloatMap::from_fn(depth.width(), depth.height(), |column, row| {
+    FloatImage::from_fn(depth.width(), depth.height(), |column, row| {
         let x = f64::from(column) + 0.5 - f64::from(options.width_px) / 2.0;
         let y = f64::from(row) + 0.5 - f64::from(options.height_px) / 2.0;
         let along = f64::from(depth.get_pixel(column, row).0[0]) - camera.distance_units;

@@ -7,7 +7,6 @@
 mod boundary;
 mod grey;
 mod occupancy;
-mod pfm;
 mod silhouette;
 mod solid;
 mod statistics;
@@ -17,14 +16,13 @@ mod view;
 mod winding;
 
 pub use grey::GreyBad2;
-pub use pfm::PfmError;
 pub use silhouette::{HoleReport, SilhouetteError, SilhouetteReport, compare_silhouettes};
 pub use solid::{SolidError, SolidOptions, SolidReport, SolidTruth};
 pub use statistics::pearson_correlation;
 pub use surface::SurfaceReport;
 pub use truth::{DepthScale, RawTruth, TruthEncoding, TruthError, decode_truth};
 pub use view::{
-    FloatImage, PxBad2, REFERENCE_PAIR_DEG, ViewEvaluationError, ViewReport, ViewTruth,
-    disparity_from_depth, disparity_from_pair, evaluate_view,
+    PxBad2, REFERENCE_PAIR_DEG, ViewEvaluationError, ViewReport, ViewTruth, disparity_from_depth,
+    disparity_from_pair, evaluate_view,
 };
 pub use winding::WindingField;

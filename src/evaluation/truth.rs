@@ -1,9 +1,9 @@
 use std::io::Cursor;
 
-use image::{DynamicImage, ImageFormat, ImageReader, Limits};
+use image::{DynamicImage, ImageFormat, ImageReader};
 
-use super::pfm::{PfmError, decode_pfm};
-use super::view::{FloatImage, ViewTruth, disparity_from_depth, disparity_from_pair};
+use super::view::{ViewTruth, disparity_from_depth, disparity_from_pair};
+use crate::float_image::{FloatImage, PfmError, decode_pfm};
 use crate::sheet::ImageLimits;
 
 /// Float pictures write "nothing here" as a number this large or larger.
@@ -74,8 +74,7 @@ fn decode_image(bytes: &[u8], limits: &ImageLimits) -> Result<DynamicImage, Trut
         .ok_or(TruthError::UnknownFormat)?;
     let reader = || ImageReader::with_format(Cursor::new(bytes), format);
     let (width, height) = reader().into_dimensions().map_err(damaged)?;
-    let pixels = u64::from(width) * u64::from(height);
-    if pixels > limits.max_pixels || width.max(height) > limits.max_side_px {
+    if !limits.admit(width, height) {
         return Err(TruthError::TooManyPixels {
             width,
             height,
@@ -83,13 +82,8 @@ fn decode_image(bytes: &[u8], limits: &ImageLimits) -> Result<DynamicImage, Trut
             max_side_px: limits.max_side_px,
         });
     }
-    let mut decoder_limits = Limits::default();
-    decoder_limits.max_image_width = Some(width);
-    decoder_limits.max_image_height = Some(height);
-    // Four floats a pixel at most, twice for the decoder's own copy.
-    decoder_limits.max_alloc = Some(pixels * 32 + (1 << 20));
     let mut reader = reader();
-    reader.limits(decoder_limits);
+    reader.limits(ImageLimits::of_decoder(width, height));
     reader.decode().map_err(damaged)
 }
 

@@ -1,11 +1,9 @@
-use image::{ImageBuffer, Luma};
+use image::Luma;
 use serde::Serialize;
 
 use super::grey::{GreyBad2, grey_bad2};
 use super::statistics::{best_constant_bad_share, pearson_correlation, range, share};
-
-/// One value a pixel; NaN where there is none.
-pub type FloatImage = ImageBuffer<Luma<f32>, Vec<f32>>;
+use crate::float_image::FloatImage;
 
 /// The pair in whose disparity errors are counted: a view and its neighbour
 /// this many degrees on, the spacing of the dissertation's sheets.

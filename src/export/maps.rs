@@ -4,8 +4,8 @@ use image::{GrayImage, ImageBuffer, Luma};
 use serde::Serialize;
 
 use super::png::{EncodeError, png, png16};
+use crate::float_image::FloatImage;
 use crate::pipeline::ValueRange;
-use crate::vision::FloatImage;
 
 /// The largest value of a 16-bit picture.
 const WHITE_16: f64 = 65_535.0;
@@ -60,22 +60,6 @@ pub fn depth_png(depth: &FloatImage) -> Result<(Vec<u8>, DepthEncoding), EncodeE
     Ok((png16(&picture)?, encoding))
 }
 
-/// A map as a portable float map, little endian, bottom row first; NaN is
-/// missing.
-pub fn pfm(map: &FloatImage) -> Vec<u8> {
-    let (width, height) = map.dimensions();
-    let mut bytes = format!("Pf\n{width} {height}\n-1.0\n").into_bytes();
-    bytes.reserve(map.len() * 4);
-    for row in map.rows().rev() {
-        bytes.extend(row.flat_map(|value| {
-            // One NaN, so that equal maps are equal bytes.
-            let value = if value.0[0].is_nan() { f32::NAN } else { value.0[0] };
-            value.to_le_bytes()
-        }));
-    }
-    bytes
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -113,19 +97,5 @@ mod tests {
         let nothing = FloatImage::from_pixel(2, 1, Luma([f32::NAN]));
         let picture = image::load_from_memory(&depth_png(&nothing).unwrap().0).unwrap();
         assert_eq!(picture.to_luma16().as_raw(), &[0, 0]);
-    }
-
-    #[test]
-    fn float_maps_hold_their_values_bottom_row_first() {
-        let bytes = pfm(&map());
-        let header = b"Pf\n3 2\n-1.0\n";
-        assert_eq!(&bytes[..header.len()], header);
-        let values: Vec<f32> = bytes[header.len()..]
-            .chunks_exact(4)
-            .map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]))
-            .collect();
-        assert_eq!(values[..4], [-2.0, 0.25, 8.0, 1.0]);
-        assert!(values[4].is_nan());
-        assert_eq!(values[5], 3.5);
     }
 }

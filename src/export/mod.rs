@@ -17,7 +17,7 @@ pub use artifact::{Artifact, ArtifactName, PairArtifact, ViewArtifact};
 pub use bundle::Bundle;
 pub use frame::ExportFrame;
 pub use glb::{MeshExtras, glb};
-pub use maps::{DepthEncoding, depth_png, disparity_png, pfm};
+pub use maps::{DepthEncoding, depth_png, disparity_png};
 pub use pair_files::{matches_json, matches_png, rectified_png};
 pub use ply::cloud_ply;
 pub use png::EncodeError;

@@ -7,9 +7,10 @@ use super::pair::PairResult;
 use super::pairs::{PairName, PlannedPair};
 use super::reconstruct::ViewResult;
 use super::variation::pair_seed;
+use crate::float_image::FloatImage;
 use crate::options::Options;
 use crate::sheet::Azimuth;
-use crate::vision::{FloatImage, SimilarityError, SimilarityFit, ViewCloud, robust_similarity};
+use crate::vision::{SimilarityError, SimilarityFit, ViewCloud, robust_similarity};
 
 /// Sets the merge's random stream apart from those of detection tries.
 const SEED_PURPOSE: u64 = 1 << 32;

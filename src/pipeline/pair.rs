@@ -1,17 +1,19 @@
 //! One pair of views, from matches to both disparity maps.
 
 use image::GrayImage;
+use nalgebra::Matrix3;
 use serde::Serialize;
 
 use super::Cancelled;
 use super::correspond::{Correspondences, MatchedPoints, TryReport, ViewFeatures, correspond};
 use super::pairs::{PairName, PlannedPair};
 use super::tracker::Tracker;
-use crate::options::{DisparityOptions, Options};
+use crate::float_image::FloatImage;
+use crate::options::Options;
 use crate::sheet::View;
 use crate::vision::{
     self, Correspondence, DisparityError, EpipolarError, EpipolarGeometry, FeatureError,
-    FloatImage, OpenCvError, Rectification, RectificationError,
+    OpenCvError, Rectification, RectificationError,
 };
 
 /// Steps a pair reports: correspondences, rectification, two maps, the way back.
@@ -173,35 +175,24 @@ fn dense(
     let [left, right] = rectified_pair([&views[0].image, &views[1].image], &rectification)
         .map_err(RectificationError::from)?;
     progress.step()?;
-    let maps = PairMaps {
-        left: left_map(&left, &right, &rectification, &options.disparity, progress)?,
-        right: right_map(&left, &right, &rectification, &options.disparity, progress)?,
-    };
+    let options = &options.disparity;
+    let left_map = vision::left_disparity(&left, &right, options);
+    let left_map = derectified(left_map, &rectification.rectified_from_left, progress)?;
+    let right_map = vision::right_disparity(&left, &right, options);
+    let right_map = derectified(right_map, &rectification.rectified_from_right, progress)?;
+    let maps = PairMaps { left: left_map, right: right_map };
     Ok((rectification, maps))
 }
 
-fn left_map(
-    left: &GrayImage,
-    right: &GrayImage,
-    rectification: &Rectification,
-    options: &DisparityOptions,
+/// A rectified view's map, back in the view.
+fn derectified(
+    rectified: Result<FloatImage, DisparityError>,
+    rectified_from_view: &Matrix3<f64>,
     progress: &mut PairProgress<'_>,
 ) -> Result<FloatImage, Stop> {
-    let rectified = vision::left_disparity(left, right, options)?;
+    let rectified = rectified?;
     progress.step()?;
-    Ok(vision::derectify(&rectified, &rectification.rectified_from_left)?)
-}
-
-fn right_map(
-    left: &GrayImage,
-    right: &GrayImage,
-    rectification: &Rectification,
-    options: &DisparityOptions,
-    progress: &mut PairProgress<'_>,
-) -> Result<FloatImage, Stop> {
-    let rectified = vision::right_disparity(left, right, options)?;
-    progress.step()?;
-    Ok(vision::derectify(&rectified, &rectification.rectified_from_right)?)
+    Ok(vision::derectify(&rectified, rectified_from_view)?)
 }
 
 /// Both drawings of a pair, rectified.

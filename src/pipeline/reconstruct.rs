@@ -8,12 +8,13 @@ use super::pair::{self, PairMaps, PairResult, process_pair};
 use super::pairs::{PlannedPair, SkippedPair, plan_pairs};
 use super::tracker::Tracker;
 use super::{Cancelled, Observer, Stage};
+use crate::float_image::FloatImage;
 use crate::geometry::Mesh;
 use crate::options::{DepthRelation, Options};
 use crate::sheet::{Azimuth, Sheet, View};
 use crate::vision::{
-    self, FloatImage, HullError, PartneredMap, ViewCloud, affine_depth, detect_and_describe,
-    inverse_depth, mean_map,
+    self, HullError, PartneredMap, ViewCloud, affine_depth, detect_and_describe, inverse_depth,
+    mean_map,
 };
 
 /// What a reconstruction may hold in memory at once, bytes.

@@ -9,10 +9,10 @@ use super::merge::MergeLink;
 use super::pair::{PairFailure, PairResult};
 use super::pairs::{PairName, SkippedPair};
 use super::reconstruct::Reconstruction;
+use crate::float_image::FloatImage;
 use crate::sheet::Azimuth;
 use crate::vision::{
-    EstimatorRun, FloatImage, PairDistortion, mean_distance, sampson_distance_px2,
-    smallest_absolute_eigenvalue,
+    EstimatorRun, PairDistortion, mean_distance, sampson_distance_px2, smallest_absolute_eigenvalue,
 };
 
 /// The smallest and largest value of a map.

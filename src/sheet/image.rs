@@ -19,6 +19,25 @@ impl Default for ImageLimits {
     }
 }
 
+impl ImageLimits {
+    /// Whether a picture of this size, as its header states it, may be decoded.
+    pub fn admit(&self, width: u32, height: u32) -> bool {
+        let pixels = u64::from(width) * u64::from(height);
+        pixels <= self.max_pixels && width.max(height) <= self.max_side_px
+    }
+
+    /// What a decoder may take for a picture whose header states this size.
+    pub fn of_decoder(width: u32, height: u32) -> Limits {
+        let mut limits = Limits::default();
+        limits.max_image_width = Some(width);
+        limits.max_image_height = Some(height);
+        // 16 bytes a pixel is the widest layout (32-bit float RGBA), twice for
+        // the decoder's own copy.
+        limits.max_alloc = Some(u64::from(width) * u64::from(height) * 32 + (1 << 20));
+        limits
+    }
+}
+
 /// Why bytes are not a usable drawing.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ImageError {
@@ -58,8 +77,7 @@ pub fn inspect(bytes: &[u8], limits: &ImageLimits) -> Result<(ImageFormat, u32, 
     }
     let (width, height) =
         ImageReader::with_format(Cursor::new(bytes), format).into_dimensions().map_err(damaged)?;
-    let pixels = u64::from(width) * u64::from(height);
-    if pixels > limits.max_pixels || width.max(height) > limits.max_side_px {
+    if !limits.admit(width, height) {
         return Err(ImageError::TooManyPixels {
             width,
             height,
@@ -67,7 +85,7 @@ pub fn inspect(bytes: &[u8], limits: &ImageLimits) -> Result<(ImageFormat, u32, 
             max_side_px: limits.max_side_px,
         });
     }
-    if pixels == 0 {
+    if width == 0 || height == 0 {
         return Err(ImageError::Damaged("it has no pixels".to_owned()));
     }
     Ok((format, width, height))
@@ -83,13 +101,7 @@ pub fn inspect(bytes: &[u8], limits: &ImageLimits) -> Result<(ImageFormat, u32, 
 pub fn decode(bytes: &[u8], limits: &ImageLimits) -> Result<Drawing, ImageError> {
     let (format, width, height) = inspect(bytes, limits)?;
     let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
-    let mut decoder_limits = Limits::default();
-    decoder_limits.max_image_width = Some(width);
-    decoder_limits.max_image_height = Some(height);
-    // 16 bytes a pixel is the widest layout (32-bit float RGBA), twice for the
-    // decoder's own copy.
-    decoder_limits.max_alloc = Some(u64::from(width) * u64::from(height) * 32 + (1 << 20));
-    reader.limits(decoder_limits);
+    reader.limits(ImageLimits::of_decoder(width, height));
     let decoded = reader.decode().map_err(damaged)?;
     if format == ImageFormat::Jpeg && is_cut_jpeg(bytes) {
         return Err(ImageError::Damaged("the end marker of the JPEG is missing".to_owned()));

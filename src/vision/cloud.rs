@@ -1,6 +1,6 @@
 use nalgebra::{Point3, Vector3};
 
-use super::FloatImage;
+use crate::float_image::FloatImage;
 
 /// Depth as the inverse of disparity, px: `scale_px2 / disparity`; NaN where
 /// disparity is missing or not positive.

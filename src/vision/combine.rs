@@ -1,4 +1,4 @@
-use super::FloatImage;
+use crate::float_image::FloatImage;
 
 /// The mean of two maps of one view; where one has nothing, the other.
 ///

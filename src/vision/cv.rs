@@ -8,7 +8,7 @@ use opencv::boxed_ref::BoxedRef;
 use opencv::core::{self, Mat, MatTraitConst, MatTraitConstManual, Point2d, Vector};
 use serde::Serialize;
 
-use super::FloatImage;
+use crate::float_image::FloatImage;
 
 /// OpenCV refused a call; the text is its own.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, thiserror::Error)]

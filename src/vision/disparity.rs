@@ -10,8 +10,8 @@ use opencv::core::{
 use opencv::imgproc;
 use serde::Serialize;
 
-use super::FloatImage;
 use super::cv::{self, OpenCvError};
+use crate::float_image::FloatImage;
 use crate::options::{DisparityAlgorithm, DisparityOptions, SgbmMode};
 
 /// OpenCV's disparities are in sixteenths of a pixel.

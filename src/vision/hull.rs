@@ -158,7 +158,7 @@ fn chain<'a>(points: impl Iterator<Item = &'a Point3<f64>>, side: &mut Vec<Point
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::vision::FloatImage;
+    use crate::float_image::FloatImage;
     use std::collections::BTreeMap;
 
     fn grid_cube(steps: u32) -> Vec<Point3<f64>> {

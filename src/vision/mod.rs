@@ -38,11 +38,7 @@ pub use rectification::{Rectification, RectificationError, rectify, warp};
 pub use rectification_metrics::{PairDistortion, RectificationDistortion};
 pub use similarity::{SimilarityError, SimilarityFit, robust_similarity, umeyama};
 
-use image::{ImageBuffer, Luma};
 use nalgebra::Point2;
-
-/// One value a pixel; NaN where there is none.
-pub type FloatImage = ImageBuffer<Luma<f32>, Vec<f32>>;
 
 /// A pair of pixels said to show the same point of the subject.
 #[derive(Clone, Copy, Debug, PartialEq)]

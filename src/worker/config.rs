@@ -11,8 +11,6 @@ pub struct WorkerConfig {
     pub lease: Duration,
     /// How often a worker renews its lease; well below `lease`.
     pub heartbeat: Duration,
-    /// How long running jobs may go on after shutdown began.
-    pub shutdown_grace: Duration,
     /// How often an idle worker looks for jobs that other processes enqueued.
     pub poll_interval: Duration,
     /// How often running jobs are checked for cancellation by other processes.
@@ -37,7 +35,6 @@ impl Default for WorkerConfig {
             threads_per_job: std::thread::available_parallelism().map_or(1, usize::from),
             lease: Duration::from_secs(30),
             heartbeat: Duration::from_secs(10),
-            shutdown_grace: Duration::from_secs(30),
             poll_interval: Duration::from_secs(1),
             cancel_poll: Duration::from_millis(500),
             reap_interval: Duration::from_secs(1),

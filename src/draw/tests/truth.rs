@@ -1,6 +1,7 @@
 //! Depth, disparity, masks and normals.
 
 use super::*;
+use crate::float_image::FloatImage;
 
 #[test]
 fn depth_is_the_distance_from_the_camera_plane() {
@@ -52,7 +53,7 @@ fn normals_point_at_the_viewer() {
 
 #[test]
 fn inverse_depth_is_a_ramp_from_near_white() {
-    let depth = FloatMap::from_raw(4, 1, vec![f32::NAN, 6.0, 7.0, 8.0]).unwrap();
+    let depth = FloatImage::from_raw(4, 1, vec![f32::NAN, 6.0, 7.0, 8.0]).unwrap();
     assert_eq!(normalised_inverse_depth(&depth).as_raw(), &[0, 255, 128, 1]);
 }
 

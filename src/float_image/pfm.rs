@@ -1,4 +1,4 @@
-use super::view::FloatImage;
+use super::FloatImage;
 
 /// Longest header that is read, bytes; a real one has about 20.
 const MAX_HEADER_BYTES: usize = 256;
@@ -16,16 +16,28 @@ pub enum PfmError {
     Truncated { found: usize, required: u64 },
 }
 
+/// Writes a map as a portable float map, little endian, bottom row first; NaN
+/// is missing.
+pub fn encode_pfm(map: &FloatImage) -> Vec<u8> {
+    let (width, height) = map.dimensions();
+    let mut bytes = format!("Pf\n{width} {height}\n-1.0\n").into_bytes();
+    bytes.reserve(map.len() * 4);
+    for row in map.rows().rev() {
+        bytes.extend(row.flat_map(|value| {
+            // One NaN, so that equal maps are equal bytes.
+            let value = if value.0[0].is_nan() { f32::NAN } else { value.0[0] };
+            value.to_le_bytes()
+        }));
+    }
+    bytes
+}
+
 /// Reads a one-channel PFM picture: rows from the bottom up, 32-bit floats,
 /// little endian where the scale is negative. Bytes after the pixels are
 /// ignored, the scale's size too, as other readers do.
 ///
 /// Memory is taken only after size and length were checked.
-pub(super) fn decode_pfm(
-    bytes: &[u8],
-    max_pixels: u64,
-    max_side_px: u32,
-) -> Result<FloatImage, PfmError> {
+pub fn decode_pfm(bytes: &[u8], max_pixels: u64, max_side_px: u32) -> Result<FloatImage, PfmError> {
     let (fields, start) = header(bytes)?;
     match fields[0] {
         "Pf" => {}
@@ -120,5 +132,30 @@ mod tests {
         assert!(matches!(refuse(b"Pf\n51 1\n-1\n"), PfmError::TooManyPixels { .. }));
         let cut = file("Pf\n3 2\n-1\n", &[0.0; 5], false);
         assert_eq!(refuse(&cut), PfmError::Truncated { found: 20, required: 24 });
+    }
+
+    #[test]
+    fn a_float_map_begins_with_its_bottom_row() {
+        let map = FloatImage::from_raw(1, 2, vec![1.0, f32::NAN]).unwrap();
+        let bytes = encode_pfm(&map);
+        let header = b"Pf\n1 2\n-1.0\n";
+        assert!(bytes.starts_with(header));
+        assert!(f32::from_le_bytes(bytes[header.len()..][..4].try_into().unwrap()).is_nan());
+        assert_eq!(bytes[header.len() + 4..], 1.0_f32.to_le_bytes());
+    }
+
+    #[test]
+    fn float_maps_hold_their_values_bottom_row_first() {
+        let map = FloatImage::from_raw(3, 2, vec![1.0, f32::NAN, 3.5, -2.0, 0.25, 8.0]).unwrap();
+        let bytes = encode_pfm(&map);
+        let header = b"Pf\n3 2\n-1.0\n";
+        assert_eq!(&bytes[..header.len()], header);
+        let values: Vec<f32> = bytes[header.len()..]
+            .chunks_exact(4)
+            .map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]))
+            .collect();
+        assert_eq!(values[..4], [-2.0, 0.25, 8.0, 1.0]);
+        assert!(values[4].is_nan());
+        assert_eq!(values[5], 3.5);
     }
 }
