@@ -15,6 +15,7 @@ mod epipolar_metrics;
 mod features;
 mod hull;
 mod matching;
+mod optimal_correction;
 mod rectification;
 mod rectification_metrics;
 mod similarity;
@@ -26,14 +27,15 @@ pub use cv::OpenCvError;
 pub use disparity::{DisparityError, derectify, left_disparity, right_disparity, working_bytes};
 pub use epipolar::{EpipolarError, EpipolarGeometry, EstimatorRun, estimate_fundamental};
 pub use epipolar_metrics::{
-    OptimalCorrection, mean_distance, optimal_correction, reprojection_error_px2,
-    sampson_distance_px2, smallest_absolute_eigenvalue, symmetric_epipolar_distance_px2,
+    mean_distance, sampson_distance_px2, smallest_absolute_eigenvalue,
+    symmetric_epipolar_distance_px2,
 };
 pub use features::{
     Descriptors, FeatureError, Features, Keypoint, detect_and_describe, detection_bytes,
 };
 pub use hull::{HullError, convex_hull, row_extremes};
 pub use matching::{Match, match_descriptors};
+pub use optimal_correction::{OptimalCorrection, optimal_correction, reprojection_error_px2};
 pub use rectification::{Rectification, RectificationError, rectify, warp};
 pub use rectification_metrics::{PairDistortion, RectificationDistortion};
 pub use similarity::{SimilarityError, SimilarityFit, robust_similarity, umeyama};
