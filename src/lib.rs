@@ -18,5 +18,6 @@ pub mod models;
 pub mod options;
 pub mod pipeline;
 pub mod sheet;
+pub mod turntable;
 pub mod vision;
 pub mod worker;

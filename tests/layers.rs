@@ -14,12 +14,13 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("artifacts", &["jobs"]),
     ("vision", &["float_image", "geometry", "options", "sheet"]),
     ("pipeline", &["float_image", "geometry", "options", "sheet", "vision"]),
-    ("export", &["float_image", "geometry", "options", "pipeline", "sheet", "vision"]),
+    ("turntable", &["float_image", "geometry", "options", "sheet"]),
+    ("export", &["float_image", "geometry", "options", "pipeline", "sheet", "turntable", "vision"]),
     ("model_io", &["geometry"]),
     ("models", &["geometry", "model_io"]),
     ("draw", &["float_image", "geometry", "model_io", "models", "sheet"]),
     ("evaluation", &["float_image", "geometry", "sheet"]),
-    ("draft", &["float_image", "export", "geometry", "options", "pipeline", "sheet"]),
+    ("draft", &["float_image", "export", "geometry", "options", "pipeline", "sheet", "turntable"]),
     ("worker", &["artifacts", "draft", "export", "jobs", "options", "pipeline", "sheet"]),
     ("http", &["artifacts", "draft", "jobs", "options", "pipeline", "sheet"]),
 ];
@@ -35,6 +36,7 @@ const PURE: &[&str] = &[
     "models",
     "draw",
     "evaluation",
+    "turntable",
 ];
 
 /// What a pure module never names.

@@ -1,43 +1,23 @@
 use rayon::ThreadPool;
-use rayon::prelude::*;
 
+use super::outbox::{Files, Outbox};
 use super::timing::Timed;
 use super::{DraftError, EmitArtifact};
 use crate::export::{
-    AbsentArtifact, Artifact, ArtifactName, Bundle, DepthPicture, ExportFrame, MeshExtras,
-    MetricsDocument, PairArtifact, ViewArtifact, cloud_ply, depth_png, disparity_png, glb,
-    matches_json, matches_png, rectified_png, thumbnail,
+    Artifact, ArtifactName, ExportFrame, MeshExtras, MetricsDocument, PairArtifact, ViewArtifact,
+    cloud_ply, glb, matches_json, matches_png, rectified_png, thumbnail,
 };
-use crate::float_image::encode_pfm;
 use crate::options::Options;
-use crate::pipeline::{
-    Metrics, Observer, PairResult, Progress, Reconstruction, Stage, ViewResult, rectified_pair,
-};
+use crate::pipeline::{Metrics, Observer, PairResult, Reconstruction, ViewResult, rectified_pair};
 use crate::sheet::{Sheet, View};
 
-/// Makes artifacts in a fixed order and hands them over one by one; never more
-/// than a few are in memory beside the bundle.
+/// Makes the artifacts of the method `uncalibrated`, in a fixed order.
 pub(super) struct Exporter<'a> {
     sheet: &'a Sheet,
     reconstruction: &'a Reconstruction,
     options: &'a Options,
-    pool: &'a ThreadPool,
-    observer: &'a dyn Observer,
-    emit: EmitArtifact<'a>,
-    bundle: Bundle,
-    names: Vec<String>,
-    absent: Vec<AbsentArtifact>,
-    depth_pictures: Vec<DepthPicture>,
+    outbox: Outbox<'a>,
     frame: Option<ExportFrame>,
-    units_done: usize,
-}
-
-/// The files of one view or pair.
-#[derive(Default)]
-struct Files {
-    artifacts: Vec<Artifact>,
-    absent: Vec<AbsentArtifact>,
-    depth_picture: Option<DepthPicture>,
 }
 
 impl<'a> Exporter<'a> {
@@ -49,29 +29,24 @@ impl<'a> Exporter<'a> {
         observer: &'a dyn Observer,
         emit: EmitArtifact<'a>,
     ) -> Self {
+        // Cloud, mesh, metrics, bundle and timings follow views and pairs.
+        let units = reconstruction.views.len() + reconstruction.pairs.len() + 5;
         Self {
             sheet,
             reconstruction,
             options,
-            pool,
-            observer,
-            emit,
-            bundle: Bundle::default(),
-            names: Vec::new(),
-            absent: Vec::new(),
-            depth_pictures: Vec::new(),
+            outbox: Outbox::new(units, pool, observer, emit),
             frame: frame(reconstruction, options),
-            units_done: 0,
         }
     }
 
     pub fn views(&mut self) -> Result<(), DraftError> {
-        self.each(&self.reconstruction.views, view_files)
+        self.outbox.each(&self.reconstruction.views, view_files)
     }
 
     pub fn pairs(&mut self) -> Result<(), DraftError> {
         let sheet = self.sheet;
-        self.each(&self.reconstruction.pairs, |pair| pair_files(pair, sheet))
+        self.outbox.each(&self.reconstruction.pairs, |pair| pair_files(pair, sheet))
     }
 
     /// The merged cloud of all joined views.
@@ -84,8 +59,8 @@ impl<'a> Exporter<'a> {
             }
             None => Files::none(ArtifactName::Cloud, "no view has a point"),
         };
-        self.take(files)?;
-        self.unit_done("cloud")
+        self.outbox.take(files)?;
+        self.outbox.unit_done("cloud")
     }
 
     /// The hull and its picture.
@@ -95,18 +70,18 @@ impl<'a> Exporter<'a> {
                 let extras = self.mesh_extras(frame);
                 let hull = Artifact::new(ArtifactName::Hull, glb(mesh, "hull", frame, &extras)?);
                 let picture = Artifact::new(ArtifactName::Thumbnail, thumbnail(mesh)?);
-                self.take(Files { artifacts: vec![hull, picture], ..Files::default() })?;
+                self.outbox.take(Files { artifacts: vec![hull, picture], ..Files::default() })?;
             }
             (Err(error), _) => {
                 let reason = error.to_string();
-                self.take(Files::none(ArtifactName::Hull, &reason))?;
-                self.take(Files::none(ArtifactName::Thumbnail, "there is no mesh"))?;
+                self.outbox.take(Files::none(ArtifactName::Hull, &reason))?;
+                self.outbox.take(Files::none(ArtifactName::Thumbnail, "there is no mesh"))?;
             }
             (Ok(_), None) => {
                 return Err(DraftError::Internal("a hull without a cloud".to_owned()));
             }
         }
-        self.unit_done("mesh")
+        self.outbox.unit_done("mesh")
     }
 
     pub fn metrics(&mut self, metrics: &Metrics) -> Result<(), DraftError> {
@@ -119,81 +94,18 @@ impl<'a> Exporter<'a> {
             options: self.options,
             metrics,
             pixels_per_metre: self.frame.map(|frame| frame.pixels_per_metre()),
-            depth_pictures: std::mem::take(&mut self.depth_pictures),
-            artifacts: &self.names,
-            absent_artifacts: &self.absent,
+            depth_pictures: self.outbox.take_depth_pictures(),
+            artifacts: self.outbox.names(),
+            absent_artifacts: self.outbox.absent(),
         }
         .to_json()?;
-        self.take(Files::one(Artifact::new(ArtifactName::Metrics, json)))?;
-        self.unit_done("metrics")
+        self.outbox.take(Files::one(Artifact::new(ArtifactName::Metrics, json)))?;
+        self.outbox.unit_done("metrics")
     }
 
-    /// The zip of everything so far.
-    pub fn bundle(&mut self) -> Result<(), DraftError> {
-        let bytes = std::mem::take(&mut self.bundle).finish()?;
-        self.hand_over(Artifact::new(ArtifactName::Bundle, bytes))?;
-        self.unit_done("bundle")
-    }
-
-    /// How long everything took; not part of the bundle, as it differs from run
-    /// to run.
-    pub fn timings(&mut self, timed: &Timed<'_>, threads: usize) -> Result<(), DraftError> {
-        let json = serde_json::to_vec_pretty(&timed.timings(threads))
-            .map_err(|error| DraftError::Internal(error.to_string()))?;
-        self.hand_over(Artifact::new(ArtifactName::Timings, json))?;
-        self.unit_done("timings")
-    }
-
-    /// The names of what was handed over.
-    pub fn into_names(self) -> Vec<String> {
-        self.names
-    }
-
-    /// Makes the files of `items` in parallel, as many at a time as there are
-    /// threads, and takes them in order.
-    fn each<T: Sync>(
-        &mut self,
-        items: &[T],
-        make: impl Fn(&T) -> Result<Files, DraftError> + Sync,
-    ) -> Result<(), DraftError> {
-        for chunk in items.chunks(self.pool.current_num_threads()) {
-            self.observer.check()?;
-            let made: Vec<_> = self.pool.install(|| chunk.par_iter().map(&make).collect());
-            for files in made {
-                self.take(files?)?;
-                self.unit_done("files")?;
-            }
-        }
-        Ok(())
-    }
-
-    fn take(&mut self, files: Files) -> Result<(), DraftError> {
-        self.absent.extend(files.absent);
-        self.depth_pictures.extend(files.depth_picture);
-        for artifact in files.artifacts {
-            self.bundle.add(&artifact)?;
-            self.hand_over(artifact)?;
-        }
-        Ok(())
-    }
-
-    fn hand_over(&mut self, artifact: Artifact) -> Result<(), DraftError> {
-        self.names.push(artifact.name.clone());
-        Ok((self.emit)(artifact)?)
-    }
-
-    fn unit_done(&mut self, unit: &str) -> Result<(), DraftError> {
-        // Cloud, mesh, metrics, bundle and timings follow views and pairs.
-        let total = self.reconstruction.views.len() + self.reconstruction.pairs.len() + 5;
-        self.units_done += 1;
-        self.observer.progress(Progress {
-            stage: Stage::Export,
-            done: self.units_done,
-            total,
-            unit: Some(unit.to_owned()),
-            fraction: self.units_done as f64 / total as f64,
-        });
-        Ok(self.observer.check()?)
+    /// The zip of everything so far, the timings, and the names of all files.
+    pub fn finish(self, timed: &Timed<'_>, threads: usize) -> Result<Vec<String>, DraftError> {
+        self.outbox.finish(timed, threads)
     }
 
     fn mesh_extras(&self, frame: &ExportFrame) -> MeshExtras {
@@ -205,17 +117,6 @@ impl<'a> Exporter<'a> {
             method: method.and_then(|m| m.as_str().map(str::to_owned)).unwrap_or_default(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
         }
-    }
-}
-
-impl Files {
-    fn one(artifact: Artifact) -> Self {
-        Self { artifacts: vec![artifact], ..Self::default() }
-    }
-
-    fn none(name: ArtifactName, reason: &str) -> Self {
-        let absent = AbsentArtifact { name: name.to_string(), reason: reason.to_owned() };
-        Self { absent: vec![absent], ..Self::default() }
     }
 }
 
@@ -232,26 +133,20 @@ fn frame(reconstruction: &Reconstruction, options: &Options) -> Option<ExportFra
 }
 
 fn view_files(view: &ViewResult) -> Result<Files, DraftError> {
-    let name = |artifact| ArtifactName::View(view.azimuth, artifact);
-    let mut files = Files::default();
-    let (Some(disparity), Some(depth)) = (&view.disparity, &view.depth) else {
-        use ViewArtifact::{DepthPfm, DepthPng, DisparityPfm, DisparityPng};
-        for artifact in [DisparityPng, DisparityPfm, DepthPng, DepthPfm] {
-            let none = Files::none(name(artifact), "none of the view's pairs was usable");
-            files.absent.extend(none.absent);
+    match (&view.disparity, &view.depth) {
+        (Some(disparity), Some(depth)) => Files::of_maps(view.azimuth, disparity, depth),
+        _ => {
+            use ViewArtifact::{DepthPfm, DepthPng, DisparityPfm, DisparityPng};
+            let mut files = Files::default();
+            for artifact in [DisparityPng, DisparityPfm, DepthPng, DepthPfm] {
+                let name = ArtifactName::View(view.azimuth, artifact);
+                files
+                    .absent
+                    .extend(Files::none(name, "none of the view's pairs was usable").absent);
+            }
+            Ok(files)
         }
-        return Ok(files);
-    };
-    let (depth_picture, encoding) = depth_png(depth)?;
-    let depth_name = name(ViewArtifact::DepthPng);
-    files.depth_picture = Some(DepthPicture { name: depth_name.to_string(), encoding });
-    files.artifacts = vec![
-        Artifact::new(name(ViewArtifact::DisparityPng), disparity_png(disparity)?),
-        Artifact::new(name(ViewArtifact::DisparityPfm), encode_pfm(disparity)),
-        Artifact::new(depth_name, depth_picture),
-        Artifact::new(name(ViewArtifact::DepthPfm), encode_pfm(depth)),
-    ];
-    Ok(files)
+    }
 }
 
 fn pair_files(pair: &PairResult, sheet: &Sheet) -> Result<Files, DraftError> {

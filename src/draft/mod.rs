@@ -2,7 +2,10 @@
 
 mod decode;
 mod export;
+mod outbox;
 mod timing;
+mod turntable;
+mod turntable_export;
 
 use std::io;
 
@@ -10,13 +13,14 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 use serde::{Deserialize, Serialize};
 
 use crate::export::{Artifact, EncodeError};
-use crate::options::{self, Options};
+use crate::options::{self, Method, Options};
 use crate::pipeline::{Cancelled, Observer, PipelineError, measure, reconstruct};
-use crate::sheet::{ImageLimits, SheetDocument};
+use crate::sheet::{ImageLimits, Sheet, SheetDocument};
 
 use decode::decode_sheet;
 use export::Exporter;
 use timing::Timed;
+use turntable_export::TurntableExporter;
 
 /// Why there is no draft.
 #[derive(Debug, thiserror::Error)]
@@ -104,25 +108,64 @@ pub fn produce(
     let pool = pool(threads)?;
     let timed = Timed::new(observer);
     let sheet = decode_sheet(document, &options, read, limits, &pool, &timed.decoding())?;
-    let reconstruction = reconstruct(&sheet, &options, threads, &timed.reconstructing())?;
+    let run = Run { sheet: &sheet, options: &options, pool: &pool, threads, timed: &timed };
+    match options.method {
+        Method::Uncalibrated => uncalibrated(&run, emit),
+        Method::Turntable => turntable(&run, document, emit),
+    }
+}
+
+/// What both methods work from.
+struct Run<'a> {
+    sheet: &'a Sheet,
+    options: &'a Options,
+    pool: &'a ThreadPool,
+    threads: usize,
+    timed: &'a Timed<'a>,
+}
+
+fn uncalibrated(run: &Run<'_>, emit: EmitArtifact<'_>) -> Result<Summary, DraftError> {
+    let Run { sheet, options, pool, threads, timed } = *run;
+    let reconstruction = reconstruct(sheet, options, threads, &timed.reconstructing())?;
     timed.computed();
     let (width_px, height_px) =
         sheet.views().first().map_or((0, 0), |view| view.image.dimensions());
     let metrics = measure(&reconstruction, width_px, height_px);
     let exporting = timed.exporting();
-    let mut exporter = Exporter::new(&sheet, &reconstruction, &options, &pool, &exporting, emit);
+    let mut exporter = Exporter::new(sheet, &reconstruction, options, pool, &exporting, emit);
     exporter.views()?;
     exporter.pairs()?;
     exporter.cloud()?;
     exporter.mesh()?;
     exporter.metrics(&metrics)?;
-    exporter.bundle()?;
-    exporter.timings(&timed, threads)?;
     Ok(Summary {
         views: sheet.views().len(),
         pairs: reconstruction.pairs.len(),
         usable_pairs: reconstruction.usable_pairs().count(),
-        artifacts: exporter.into_names(),
+        artifacts: exporter.finish(timed, threads)?,
+        warnings: metrics.warnings,
+    })
+}
+
+fn turntable(
+    run: &Run<'_>,
+    document: &SheetDocument,
+    emit: EmitArtifact<'_>,
+) -> Result<Summary, DraftError> {
+    let Run { sheet, options, pool, threads, timed } = *run;
+    let draft = turntable::compute(sheet, document, options, pool, &timed.reconstructing())?;
+    timed.computed();
+    let metrics = turntable_export::measure(&draft, options);
+    let exporting = timed.exporting();
+    let mut exporter = TurntableExporter::new(&draft, options, pool, &exporting, emit)?;
+    exporter.views()?;
+    exporter.mesh()?;
+    exporter.metrics(&metrics)?;
+    Ok(Summary {
+        views: sheet.views().len(),
+        pairs: 0,
+        usable_pairs: 0,
+        artifacts: exporter.finish(timed, threads)?,
         warnings: metrics.warnings,
     })
 }
@@ -145,3 +188,5 @@ fn pool(threads: usize) -> Result<ThreadPool, DraftError> {
 
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod turntable_tests;

@@ -14,7 +14,7 @@ use crate::sheet::ViewDocument;
 const WIDTH: u32 = 240;
 const HEIGHT: u32 = 180;
 
-type Files = BTreeMap<String, Vec<u8>>;
+pub(super) type Files = BTreeMap<String, Vec<u8>>;
 
 /// Edges of a box about the turntable axis, turned by `turn_deg`.
 fn box_edges(half: [f64; 3], centre: [f64; 3], turn_deg: f64) -> Vec<[[f64; 3]; 2]> {
@@ -55,13 +55,15 @@ fn drawing(azimuth_deg: f64) -> GrayImage {
     image
 }
 
-fn png(image: &GrayImage) -> Vec<u8> {
+pub(super) fn png(image: &GrayImage) -> Vec<u8> {
     let mut bytes = Cursor::new(Vec::new());
     image.write_to(&mut bytes, ImageFormat::Png).unwrap();
     bytes.into_inner()
 }
 
-fn sheet_of(drawings: impl IntoIterator<Item = (f64, GrayImage)>) -> (SheetDocument, Files) {
+pub(super) fn sheet_of(
+    drawings: impl IntoIterator<Item = (f64, GrayImage)>,
+) -> (SheetDocument, Files) {
     let mut document = SheetDocument::default();
     let mut files = Files::new();
     for (azimuth_deg, image) in drawings {
@@ -80,7 +82,7 @@ fn sheet(azimuths: &[f64]) -> (SheetDocument, Files) {
     sheet_of(azimuths.iter().map(|&azimuth| (azimuth, drawing(azimuth))))
 }
 
-fn run(
+pub(super) fn run(
     document: &SheetDocument,
     files: &Files,
     threads: usize,
@@ -96,19 +98,19 @@ fn run(
     Ok((summary, artifacts))
 }
 
-fn input_error(document: &SheetDocument, files: &Files) -> (&'static str, String) {
+pub(super) fn input_error(document: &SheetDocument, files: &Files) -> (&'static str, String) {
     match run(document, files, 2, &Silent) {
         Err(DraftError::Input { code, detail }) => (code, detail),
         other => panic!("expected an input error, got {other:?}"),
     }
 }
 
-fn metrics(artifacts: &[Artifact]) -> Value {
+pub(super) fn metrics(artifacts: &[Artifact]) -> Value {
     let found = artifacts.iter().find(|artifact| artifact.name == "metrics.json").unwrap();
     serde_json::from_slice(&found.bytes).unwrap()
 }
 
-fn without_timings(artifacts: Vec<Artifact>) -> Vec<Artifact> {
+pub(super) fn without_timings(artifacts: Vec<Artifact>) -> Vec<Artifact> {
     artifacts.into_iter().filter(|artifact| artifact.name != "timings.json").collect()
 }
 
@@ -195,10 +197,10 @@ fn affine_depth_is_another_relation_over_the_same_disparity() {
 }
 
 #[derive(Default)]
-struct Watcher {
-    fractions: Mutex<Vec<f64>>,
-    cancel_after: Option<usize>,
-    asked: AtomicUsize,
+pub(super) struct Watcher {
+    pub fractions: Mutex<Vec<f64>>,
+    pub cancel_after: Option<usize>,
+    pub asked: AtomicUsize,
 }
 
 impl Observer for Watcher {

@@ -13,6 +13,10 @@ pub enum ViewArtifact {
     DepthPng,
     /// Depth in px, 32-bit float.
     DepthPfm,
+    /// Unit normals in the view's frame: x right, y up, z to the camera.
+    NormalsPng,
+    /// The subject's area, white.
+    SilhouettePng,
 }
 
 /// Which file of a pair of views.
@@ -32,6 +36,12 @@ pub enum ArtifactName {
     Pair(Azimuth, Azimuth, PairArtifact),
     Cloud,
     Hull,
+    /// The turntable method's surface; vertex colours say what it rests on.
+    Solid,
+    /// The same, quads where they fit.
+    SolidObj,
+    /// The same with the drawings projected on it.
+    Textured,
     Thumbnail,
     Metrics,
     Timings,
@@ -41,9 +51,11 @@ pub enum ArtifactName {
 impl ArtifactName {
     /// The media type of the bytes.
     pub fn media_type(self) -> &'static str {
-        use ViewArtifact::{DepthPfm, DepthPng, DisparityPfm, DisparityPng};
+        use ViewArtifact::{
+            DepthPfm, DepthPng, DisparityPfm, DisparityPng, NormalsPng, SilhouettePng,
+        };
         match self {
-            Self::View(_, DisparityPng | DepthPng)
+            Self::View(_, DisparityPng | DepthPng | NormalsPng | SilhouettePng)
             | Self::Pair(_, _, PairArtifact::MatchesPng | PairArtifact::RectifiedPng)
             | Self::Thumbnail => "image/png",
             Self::View(_, DisparityPfm | DepthPfm) => "image/x-portable-floatmap",
@@ -51,7 +63,8 @@ impl ArtifactName {
                 "application/json"
             }
             Self::Cloud => "model/ply",
-            Self::Hull => "model/gltf-binary",
+            Self::Hull | Self::Solid | Self::Textured => "model/gltf-binary",
+            Self::SolidObj => "model/obj",
             Self::Bundle => "application/zip",
         }
     }
@@ -67,6 +80,8 @@ impl fmt::Display for ArtifactName {
                     ViewArtifact::DisparityPfm => "disparity.pfm",
                     ViewArtifact::DepthPng => "depth.png",
                     ViewArtifact::DepthPfm => "depth.pfm",
+                    ViewArtifact::NormalsPng => "normals.png",
+                    ViewArtifact::SilhouettePng => "silhouette.png",
                 };
                 write!(f, "views/{azimuth}/{file}")
             }
@@ -80,6 +95,9 @@ impl fmt::Display for ArtifactName {
             }
             Self::Cloud => f.write_str("cloud.ply"),
             Self::Hull => f.write_str("hull.glb"),
+            Self::Solid => f.write_str("solid.glb"),
+            Self::SolidObj => f.write_str("solid.obj"),
+            Self::Textured => f.write_str("textured.glb"),
             Self::Thumbnail => f.write_str("thumbnail.png"),
             Self::Metrics => f.write_str("metrics.json"),
             Self::Timings => f.write_str("timings.json"),

@@ -1,5 +1,6 @@
 use nalgebra::{Point3, Vector3};
 
+use super::turntable_glb::Placement;
 use crate::options::{ExportOptions, Origin};
 
 /// From the turntable frame (Z up, sheet pixels) to the glTF frame (Y up, front
@@ -33,6 +34,11 @@ impl ExportFrame {
 
     pub fn pixels_per_metre(&self) -> f64 {
         1.0 / self.metres_per_px
+    }
+
+    /// The same frame as the turntable method's models take it.
+    pub fn placement(&self) -> Placement {
+        Placement { metres_per_px: self.metres_per_px, ground_z_px: -self.lift_px }
     }
 
     /// (X, Y, Z) to (X, Z, -Y), lifted and scaled.

@@ -1,6 +1,6 @@
 //! Disparity and depth maps as pictures and as raw values.
 
-use image::{GrayImage, ImageBuffer, Luma};
+use image::{GrayImage, ImageBuffer, Luma, Rgb, RgbImage};
 use serde::Serialize;
 
 use super::png::{EncodeError, png, png16};
@@ -58,6 +58,22 @@ pub fn depth_png(depth: &FloatImage) -> Result<(Vec<u8>, DepthEncoding), EncodeE
         Luma([encoding.value(depth.get_pixel(x, y).0[0])])
     });
     Ok((png16(&picture)?, encoding))
+}
+
+/// Unit normals as an 8-bit picture: red, green and blue are x, y and z from -1
+/// to 1; black where there is none.
+pub fn normals_png(normals: &ImageBuffer<Rgb<f32>, Vec<f32>>) -> Result<Vec<u8>, EncodeError> {
+    let (width, height) = normals.dimensions();
+    let picture = RgbImage::from_fn(width, height, |x, y| {
+        let level = |n: f32| if n.is_finite() { ((n + 1.0) * 127.5).round() as u8 } else { 0 };
+        Rgb(normals.get_pixel(x, y).0.map(level))
+    });
+    png(&picture)
+}
+
+/// The area of the subject: white inside.
+pub fn silhouette_png(mask: &GrayImage) -> Result<Vec<u8>, EncodeError> {
+    png(mask)
 }
 
 #[cfg(test)]

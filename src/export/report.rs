@@ -3,7 +3,6 @@ use serde::Serialize;
 use super::maps::DepthEncoding;
 use super::png::EncodeError;
 use crate::options::Options;
-use crate::pipeline::Metrics;
 
 /// A file that could have been and is not.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -20,9 +19,9 @@ pub struct DepthPicture {
     pub encoding: DepthEncoding,
 }
 
-/// The metrics artifact.
+/// The metrics artifact; `M` is what the method measures.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct MetricsDocument<'a> {
+pub struct MetricsDocument<'a, M> {
     /// Of this program.
     pub version: &'a str,
     pub width_px: u32,
@@ -30,7 +29,7 @@ pub struct MetricsDocument<'a> {
     /// All of them, defaults filled in.
     pub options: &'a Options,
     #[serde(flatten)]
-    pub metrics: &'a Metrics,
+    pub metrics: &'a M,
     /// Sheet pixels a metre of the exported meshes and clouds.
     pub pixels_per_metre: Option<f64>,
     /// `depth_px = offset_px + scale_px * value`; the value 0 is missing.
@@ -40,7 +39,7 @@ pub struct MetricsDocument<'a> {
     pub absent_artifacts: &'a [AbsentArtifact],
 }
 
-impl MetricsDocument<'_> {
+impl<M: Serialize> MetricsDocument<'_, M> {
     pub fn to_json(&self) -> Result<Vec<u8>, EncodeError> {
         serde_json::to_vec_pretty(self).map_err(|error| EncodeError::new("metrics", error))
     }

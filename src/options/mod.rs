@@ -8,6 +8,7 @@ mod disparity;
 mod features;
 mod geometry;
 mod parse;
+mod turntable;
 
 pub use disparity::{DisparityAlgorithm, DisparityOptions, SgbmMode};
 pub use features::{
@@ -18,6 +19,9 @@ pub use geometry::{
     CloudOptions, DepthRelation, EpipolarOptions, Estimator, ExportOptions, MergeOptions, Origin,
 };
 pub use parse::{OptionProblem, OptionProblemKind, OptionProblems, merge, nested, parse, schema};
+pub use turntable::{
+    DepthOptions, Holes, SilhouetteOptions, SolidKind, SolidOptions, Switch, TurntableOptions,
+};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -30,6 +34,9 @@ pub enum Method {
     /// three views of one size.
     #[default]
     Uncalibrated,
+    /// Depth from matched lines and a solid from silhouettes, at the angles
+    /// given; at least two level views of one size.
+    Turntable,
 }
 
 /// The options of one reconstruction, nested by stage.
@@ -49,6 +56,7 @@ pub struct Options {
     pub disparity: DisparityOptions,
     pub cloud: CloudOptions,
     pub merge: MergeOptions,
+    pub turntable: TurntableOptions,
     pub export: ExportOptions,
 }
 
@@ -64,6 +72,7 @@ impl Default for Options {
             disparity: DisparityOptions::default(),
             cloud: CloudOptions::default(),
             merge: MergeOptions::default(),
+            turntable: TurntableOptions::default(),
             export: ExportOptions::default(),
         }
     }
@@ -74,13 +83,14 @@ impl Method {
     pub fn minimum_views(self) -> usize {
         match self {
             Self::Uncalibrated => 3,
+            Self::Turntable => 2,
         }
     }
 
     /// Whether every view must have the same width and height.
     pub fn needs_equal_sizes(self) -> bool {
         match self {
-            Self::Uncalibrated => true,
+            Self::Uncalibrated | Self::Turntable => true,
         }
     }
 }

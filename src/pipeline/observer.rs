@@ -15,6 +15,12 @@ pub enum Stage {
     Cloud,
     Merge,
     Hull,
+    /// The area of the subject in each view, and how well the views agree.
+    Silhouettes,
+    /// Depth from the lines of neighbouring views.
+    Depth,
+    /// The closed surface from silhouettes, lines and depth.
+    Solid,
     Export,
 }
 

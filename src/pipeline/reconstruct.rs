@@ -10,7 +10,7 @@ use super::tracker::Tracker;
 use super::{Cancelled, Observer, Stage};
 use crate::float_image::FloatImage;
 use crate::geometry::Mesh;
-use crate::options::{DepthRelation, Options};
+use crate::options::{DepthRelation, Method, Options};
 use crate::sheet::{Azimuth, Sheet, View};
 use crate::vision::{
     self, HullError, PartneredMap, ViewCloud, affine_depth, detect_and_describe, inverse_depth,
@@ -21,6 +21,8 @@ use crate::vision::{
 const MAX_WORKING_BYTES: u64 = 8 << 30;
 /// Per pixel and view: the drawing, two disparity maps, their mean and depth.
 const BYTES_PER_PIXEL: u64 = 17;
+/// Per pixel and view, the method `turntable`: drawing, lines, graph and surface.
+const TURNTABLE_BYTES_PER_PIXEL: u64 = 200;
 
 /// Why a sheet gave no reconstruction.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -161,12 +163,20 @@ pub fn check_size(
     threads: usize,
 ) -> Result<(), PipelineError> {
     let pixels = u64::from(width_px) * u64::from(height_px) * views as u64;
+    let limit_bytes = MAX_WORKING_BYTES;
+    if options.method == Method::Turntable {
+        let needed_bytes = pixels.saturating_mul(TURNTABLE_BYTES_PER_PIXEL);
+        return if needed_bytes > limit_bytes {
+            Err(PipelineError::TooLarge { needed_bytes, limit_bytes })
+        } else {
+            Ok(())
+        };
+    }
     let matching = vision::working_bytes(width_px, height_px, &options.disparity);
     let detection = vision::detection_bytes(width_px, height_px, &options.detection);
     let at_once = threads.clamp(1, views.max(1)) as u64;
     let needed_bytes =
         (pixels * BYTES_PER_PIXEL).saturating_add(matching.max(detection).saturating_mul(at_once));
-    let limit_bytes = MAX_WORKING_BYTES;
     if needed_bytes > limit_bytes {
         return Err(PipelineError::TooLarge { needed_bytes, limit_bytes });
     }

@@ -69,7 +69,8 @@ fn share_of_work(stage: Stage) -> (f64, f64) {
         Stage::Cloud => (0.93, 0.96),
         Stage::Merge => (0.96, 0.97),
         Stage::Hull => (0.97, 1.0),
-        Stage::Export => (1.0, 1.0),
+        // Stages of another method, and what follows this one's.
+        Stage::Silhouettes | Stage::Depth | Stage::Solid | Stage::Export => (1.0, 1.0),
     }
 }
 

@@ -1,0 +1,235 @@
+use std::collections::{BTreeMap, BTreeSet};
+
+use image::{GrayImage, Luma};
+use imageproc::drawing::draw_line_segment_mut;
+use serde_json::json;
+
+use super::tests::{
+    Files, Watcher, input_error, metrics, png, run, sheet_of as uncalibrated_sheet, without_timings,
+};
+use super::*;
+use crate::pipeline::Silent;
+
+const SIDE: u32 = 128;
+/// Half extents of the box that the tests draw, px.
+const HALF: [f64; 3] = [26.0, 16.0, 38.0];
+
+/// The box's visible edges as a camera on the turntable sees them.
+fn drawing(azimuth_deg: f64) -> GrayImage {
+    let (sin, cos) = azimuth_deg.to_radians().sin_cos();
+    let centre = f64::from(SIDE) / 2.0;
+    let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[x, y]| {
+        let (x, y) = (x * HALF[0], y * HALF[1]);
+        (centre + x * cos + y * sin, y * cos - x * sin)
+    });
+    let (top, bottom) = ((centre - HALF[2]) as f32, (centre + HALF[2]) as f32);
+    let mut image = GrayImage::from_pixel(SIDE, SIDE, Luma([255]));
+    for index in 0..4 {
+        let ends = [corners[index], corners[(index + 1) % 4]];
+        // Faces run left to right when they face the camera.
+        if ends[0].0 + 0.5 >= ends[1].0 {
+            continue;
+        }
+        let [left, right] = ends.map(|(x, _)| x as f32);
+        for thick in [-0.5, 0.5] {
+            for (from, to) in [
+                ((left, top + thick), (right, top + thick)),
+                ((left, bottom + thick), (right, bottom + thick)),
+                ((left + thick, top), (left + thick, bottom)),
+                ((right + thick, top), (right + thick, bottom)),
+            ] {
+                draw_line_segment_mut(&mut image, from, to, Luma([0]));
+            }
+        }
+    }
+    image
+}
+
+fn turntable(drawings: impl IntoIterator<Item = (f64, GrayImage)>) -> (SheetDocument, Files) {
+    let (mut document, files) = uncalibrated_sheet(drawings);
+    document.options = Some(json!({
+        "method": "turntable",
+        "turntable": {"solid": {"resolution": 64, "target_faces": 3000}},
+    }));
+    (document, files)
+}
+
+fn boxes(azimuths: &[f64]) -> (SheetDocument, Files) {
+    turntable(azimuths.iter().map(|&azimuth| (azimuth, drawing(azimuth))))
+}
+
+fn bytes_of<'a>(artifacts: &'a [Artifact], name: &str) -> &'a [u8] {
+    let found = artifacts.iter().find(|artifact| artifact.name == name);
+    &found.unwrap_or_else(|| panic!("{name} is missing")).bytes
+}
+
+/// Positions and triangles of the first mesh in a GLB.
+fn model(glb: &[u8]) -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
+    let (document, buffers, _) = gltf::import_slice(glb).unwrap();
+    let mesh = document.meshes().next().unwrap();
+    let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+    for primitive in mesh.primitives() {
+        let first = positions.len() as u32;
+        let reader = primitive.reader(|buffer| Some(&buffers[buffer.index()]));
+        positions.extend(reader.read_positions().unwrap());
+        let indices: Vec<u32> = reader.read_indices().unwrap().into_u32().collect();
+        triangles
+            .extend(indices.chunks_exact(3).map(|corner| [0, 1, 2].map(|k| corner[k] + first)));
+    }
+    (positions, triangles)
+}
+
+/// Directed edges between places that are not run back as often as forth.
+fn open_edges(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> usize {
+    let place = |index: u32| positions[index as usize].map(f32::to_bits);
+    let mut balance: BTreeMap<_, i64> = BTreeMap::new();
+    for corners in triangles {
+        for k in 0..3 {
+            let (a, b) = (place(corners[k]), place(corners[(k + 1) % 3]));
+            *balance.entry((a.min(b), a.max(b))).or_default() += if a < b { 1 } else { -1 };
+        }
+    }
+    balance.values().filter(|&&count| count != 0).count()
+}
+
+/// Volume by the divergence theorem.
+fn volume(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> f64 {
+    let at = |index: u32| nalgebra::Vector3::from(positions[index as usize].map(f64::from));
+    triangles.iter().map(|&[a, b, c]| at(a).cross(&at(b)).dot(&at(c)) / 6.0).sum()
+}
+
+#[test]
+fn three_views_become_a_closed_solid_of_the_right_size() {
+    let (document, files) = boxes(&[0.0, 45.0, 90.0]);
+    let (summary, artifacts) = run(&document, &files, 2, &Silent).unwrap();
+    let (positions, triangles) = model(bytes_of(&artifacts, "solid.glb"));
+    assert_eq!(open_edges(&positions, &triangles), 0);
+    let extent = |axis: usize| {
+        let values = positions.iter().map(|p| f64::from(p[axis]));
+        (values.clone().fold(f64::INFINITY, f64::min), values.fold(f64::NEG_INFINITY, f64::max))
+    };
+    let (low, high) = extent(1);
+    assert!(low.abs() < 1e-6 && (high - 1.8).abs() < 1e-6, "stands from {low} to {high} m");
+    let metrics = metrics(&artifacts);
+    let metre = metrics["pixels_per_metre"].as_f64().unwrap();
+    for (axis, half) in [(0, HALF[0]), (1, HALF[2]), (2, HALF[1])] {
+        let (low, high) = extent(axis);
+        let found = (high - low) * metre;
+        assert!((found - 2.0 * half).abs() < 4.0, "axis {axis} spans {found} px");
+    }
+    let truth = 8.0 * HALF.iter().product::<f64>();
+    let share = volume(&positions, &triangles) * metre.powi(3) / truth;
+    assert!((0.8..1.15).contains(&share), "{share} of the box's volume");
+    assert_eq!(metrics["mesh"]["watertight"], true);
+    assert!(metrics["mesh"]["triangles"].as_u64().unwrap() <= 3000);
+    assert_eq!(metrics["views"][1]["depth"]["fallback"]["reason"], "no_neighbours");
+    assert!(summary.warnings.iter().any(|w| w.contains("neighbours near")), "{summary:?}");
+}
+
+#[test]
+fn every_artifact_is_there_and_readable() {
+    let (document, files) = boxes(&[0.0, 45.0, 90.0]);
+    let (summary, artifacts) = run(&document, &files, 2, &Silent).unwrap();
+    let found: BTreeSet<_> = summary.artifacts.iter().map(String::as_str).collect();
+    let of_views = ["0", "45", "90"].into_iter().flat_map(|azimuth| {
+        [
+            "depth.pfm",
+            "depth.png",
+            "disparity.pfm",
+            "disparity.png",
+            "normals.png",
+            "silhouette.png",
+        ]
+        .map(|file| format!("views/{azimuth}/{file}"))
+    });
+    let whole = [
+        "bundle.zip",
+        "metrics.json",
+        "solid.glb",
+        "solid.obj",
+        "textured.glb",
+        "thumbnail.png",
+        "timings.json",
+    ];
+    let expected: Vec<_> = of_views.chain(whole.map(str::to_owned)).collect();
+    assert_eq!(found, expected.iter().map(String::as_str).collect());
+    for artifact in artifacts.iter().filter(|artifact| artifact.media_type == "image/png") {
+        image::load_from_memory(&artifact.bytes).unwrap();
+    }
+    let (textured, _, images) = gltf::import_slice(bytes_of(&artifacts, "textured.glb")).unwrap();
+    assert!(textured.nodes().any(|node| node.name() == Some("ref_045")));
+    assert_eq!(images.len(), 3);
+    let absent = metrics(&artifacts)["absent_artifacts"].clone();
+    assert_eq!(absent[1]["name"], "hull.glb");
+}
+
+#[test]
+fn dense_views_take_depth_from_lines_and_near_is_white() {
+    let (document, files) = boxes(&[35.0, 40.0, 45.0, 50.0, 55.0]);
+    let (_, artifacts) = run(&document, &files, 2, &Silent).unwrap();
+    let metrics = metrics(&artifacts);
+    assert!(metrics["views"][2]["depth"]["fallback"].is_null(), "{}", metrics["views"][2]);
+    // At 45 degrees the corner (26, -16) is nearest, those at the outline are
+    // 10 and 42 px behind it, seen from the camera.
+    let picture = image::load_from_memory(bytes_of(&artifacts, "views/45/disparity.png"));
+    let picture = picture.unwrap().to_luma8();
+    let column = |x: f64, y: f64| {
+        let turn = std::f64::consts::FRAC_1_SQRT_2;
+        (f64::from(SIDE) / 2.0 + (x + y) * turn).round() as u32
+    };
+    let grey = |column: u32| picture.get_pixel(column, SIDE / 2).0[0];
+    let near = grey(column(HALF[0], -HALF[1]));
+    let far = grey(column(-HALF[0], -HALF[1]) + 3);
+    assert!(near > 200 && near > far + 50, "near {near}, far {far}");
+}
+
+#[test]
+fn threads_change_no_byte() {
+    let (document, files) = boxes(&[0.0, 10.0, 20.0, 90.0]);
+    let one = without_timings(run(&document, &files, 1, &Silent).unwrap().1);
+    let four = without_timings(run(&document, &files, 4, &Silent).unwrap().1);
+    for (one, four) in one.iter().zip(&four) {
+        assert!(one == four, "{} depends on the number of threads", one.name);
+    }
+    assert_eq!(one.len(), four.len());
+}
+
+#[test]
+fn progress_rises_and_cancelling_stops_at_the_next_unit() {
+    let (document, files) = boxes(&[0.0, 90.0]);
+    let whole = Watcher::default();
+    run(&document, &files, 1, &whole).unwrap();
+    let fractions = whole.fractions.into_inner().unwrap();
+    assert!(fractions.windows(2).all(|pair| pair[0] <= pair[1]), "{fractions:?}");
+    assert!((fractions[fractions.len() - 1] - 1.0).abs() < 1e-12);
+    for cancel_after in [1, 4, 8, fractions.len() - 2] {
+        let watcher = Watcher { cancel_after: Some(cancel_after), ..Watcher::default() };
+        let error = run(&document, &files, 1, &watcher).unwrap_err();
+        assert!(matches!(error, DraftError::Cancelled(_)), "{error}");
+        let seen = watcher.fractions.into_inner().unwrap().len();
+        assert!(seen <= cancel_after + 1, "{seen} steps after cancelling at {cancel_after}");
+    }
+}
+
+#[test]
+fn unsuitable_views_are_refused_with_a_remedy() {
+    let blank = GrayImage::from_pixel(SIDE, SIDE, Luma([255]));
+    let (document, files) = turntable([(0.0, drawing(0.0)), (90.0, blank)]);
+    let (code, detail) = input_error(&document, &files);
+    assert_eq!(code, "blank_view");
+    assert!(detail.contains("view 90") && detail.contains("give a mask"), "{detail}");
+
+    let (document, files) = boxes(&[0.0]);
+    assert_eq!(input_error(&document, &files).0, "too_few_views");
+
+    let (document, files) = boxes(&[0.0, 180.0]);
+    assert_eq!(input_error(&document, &files).0, "too_few_directions");
+
+    let (mut document, files) = boxes(&[0.0, 90.0]);
+    document.views[1].elevation_deg = Some(30.0);
+    assert_eq!(input_error(&document, &files).0, "elevation_unsupported");
+
+    let (document, mut files) = boxes(&[0.0, 90.0]);
+    files.insert("90.png".to_owned(), png(&GrayImage::new(SIDE, SIDE / 2)));
+    assert_eq!(input_error(&document, &files).0, "sizes_differ");
+}

@@ -1,0 +1,232 @@
+//! What the lines of other views say about a view's surface.
+
+use super::contours::{Contours, Crossing};
+use super::estimate::Confidence;
+use super::fill::Hint;
+use super::graph::{NONE, Owner, PixelGraph};
+use super::lines::{LineDepths, LineView};
+
+const POINT_WEIGHT: f32 = 0.5;
+const HULL_WEIGHT: f32 = 5.0;
+/// Steeper surfaces are left to the bulge, depth per column.
+const MAX_KNOWN_SLOPE: f32 = 2.5;
+
+/// Points of lines on the surface, each seen by the view it was drawn in.
+pub struct PointCloud {
+    points: Vec<WorldPoint>,
+}
+
+struct WorldPoint {
+    azimuth_rad: f64,
+    y: u32,
+    x_px: f64,
+    depth_px: f64,
+    /// Where the line is surely a smooth contour: the side its surface is on.
+    smooth: Option<Owner>,
+}
+
+/// A point of another view's lines in a view's own frame.
+#[derive(Clone, Copy, Debug)]
+pub struct Point {
+    pub y: u32,
+    pub x_px: f32,
+    pub depth_px: f32,
+    /// Depth per column of the surface here, where it is known.
+    pub slope: Option<f32>,
+}
+
+impl PointCloud {
+    pub fn new(views: &[LineView<'_>], lines: &[LineDepths]) -> Self {
+        const MAX_SLOPE: f64 = 4.0;
+        const MAX_RUN_PX: u32 = 14;
+        let of_view = |(view, lines): (&LineView<'_>, &LineDepths)| {
+            let azimuth_rad = view.azimuth_rad;
+            let usable = |(index, crossing): (usize, &Crossing)| {
+                let clear = crossing.slope.abs() < MAX_SLOPE && crossing.run_px() < MAX_RUN_PX;
+                let depth_px = lines.depth_px[index];
+                (clear && !depth_px.is_nan()).then(|| WorldPoint {
+                    azimuth_rad,
+                    y: crossing.y,
+                    x_px: crossing.x_px,
+                    depth_px,
+                    smooth: smooth_side(crossing, lines, index, view.bounds.unit_px),
+                })
+            };
+            view.contours.crossings.iter().enumerate().filter_map(usable).collect::<Vec<_>>()
+        };
+        Self { points: views.iter().zip(lines).flat_map(of_view).collect() }
+    }
+
+    /// The points turned into the frame of the view at `azimuth_rad`, without its own.
+    pub fn seen_from(&self, azimuth_rad: f64) -> Vec<Point> {
+        let turned = |point: &WorldPoint| {
+            let (sine, cosine) = (azimuth_rad - point.azimuth_rad).sin_cos();
+            // A contour's surface faces sideways: away from it on one side of its view.
+            let faces_away = match point.smooth {
+                Some(Owner::Right) => sine > 0.0,
+                Some(Owner::Left) => sine < 0.0,
+                None => false,
+            };
+            (!faces_away).then(|| Point {
+                y: point.y,
+                x_px: (point.x_px * cosine + point.depth_px * sine) as f32,
+                depth_px: (point.depth_px * cosine - point.x_px * sine) as f32,
+                slope: point
+                    .smooth
+                    .map(|_| (cosine / sine) as f32)
+                    .filter(|slope| slope.abs() < MAX_KNOWN_SLOPE),
+            })
+        };
+        let others = self.points.iter().filter(|point| point.azimuth_rad != azimuth_rad);
+        others.filter_map(turned).collect()
+    }
+}
+
+/// The side of the surface that a line surely curves over to.
+fn smooth_side(
+    crossing: &Crossing,
+    lines: &LineDepths,
+    index: usize,
+    unit_px: f64,
+) -> Option<Owner> {
+    let (rho, sigma) = (lines.rho_px[index], lines.rho_sigma_px[index]);
+    let owner = if rho < 0.0 { Owner::Right } else { Owner::Left };
+    let sure = lines.rho_is_tracked[index] && rho.abs() > (3.0 * sigma).max(8.0 * unit_px);
+    let fits = match owner {
+        Owner::Left => !crossing.outside_left,
+        Owner::Right => !crossing.outside_right,
+    };
+    (sure && fits).then_some(owner)
+}
+
+/// Whether a point is of a line that the view draws itself: beside the line,
+/// it may have come to lie on the wrong side of the cut along it.
+fn is_own_line(point: &Point, (contours, lines): (&Contours, &LineDepths), unit_px: f32) -> bool {
+    contours.in_row(point.y).any(|index| {
+        let crossing = &contours.crossings[index];
+        let beside = (crossing.x_px as f32 - point.x_px).abs();
+        let apart = (lines.depth_px[index] as f32 - point.depth_px).abs();
+        beside < 2.5 + 0.5 * crossing.slope.abs() as f32 && apart < 25.0 * unit_px
+    })
+}
+
+/// Turns points and the hull's bound into hints for the next solution.
+pub struct Refinement<'a> {
+    graph: &'a PixelGraph,
+    near_px: &'a [f32],
+    /// Node, depth and slope of the points that may lie on the view's surface.
+    points: Vec<(u32, f32, Option<f32>)>,
+    unit_px: f32,
+}
+
+impl<'a> Refinement<'a> {
+    pub fn new(
+        graph: &'a PixelGraph,
+        near_px: &'a [f32],
+        points: Vec<Point>,
+        own: (&Contours, &LineDepths),
+        unit_px: f32,
+    ) -> Self {
+        let axis = graph.width as f32 / 2.0;
+        let on_graph = |point: Point| {
+            if is_own_line(&point, own, unit_px) {
+                return None;
+            }
+            let column = (point.x_px + axis).floor();
+            let inside = column >= 0.0 && column < graph.width as f32;
+            let pixel = point.y as usize * graph.width + column as usize;
+            let node = if inside { graph.node_of[pixel] } else { NONE };
+            let possible = node != NONE && point.depth_px > near_px[node as usize] - 8.0 * unit_px;
+            possible.then_some((node, point.depth_px, point.slope))
+        };
+        Self { graph, near_px, points: points.into_iter().filter_map(on_graph).collect(), unit_px }
+    }
+
+    /// Points not behind the surface, and the hull where the surface is before it.
+    pub fn hints(&self, depth_px: &[f32]) -> Vec<Hint> {
+        let (nearest, slopes) = self.nearest_points(depth_px);
+        let mut hints = vec![Hint::default(); depth_px.len()];
+        for (node, hint) in hints.iter_mut().enumerate() {
+            let (mut weight, mut sum) = (0.0, 0.0);
+            if self.is_unhidden(node, &nearest) {
+                hint.slope = slopes[node];
+                weight += POINT_WEIGHT;
+                sum += POINT_WEIGHT * nearest[node];
+            }
+            let near = self.near_px[node];
+            if depth_px[node] < near + 1.0 {
+                weight += HULL_WEIGHT;
+                sum += HULL_WEIGHT * near;
+            }
+            if weight > 0.0 {
+                (hint.weight, hint.depth_px) = (weight, sum / weight);
+            }
+        }
+        hints
+    }
+
+    /// Per node depth and slope of the nearest point that is not clearly
+    /// behind the surface; NaN where there is none.
+    fn nearest_points(&self, depth_px: &[f32]) -> (Vec<f32>, Vec<Option<f32>>) {
+        let behind = 15.0 * self.unit_px;
+        let mut nearest = vec![f32::NAN; depth_px.len()];
+        let mut slopes = vec![None; depth_px.len()];
+        for &(node, depth, slope) in &self.points {
+            let node = node as usize;
+            let hidden = depth >= nearest[node];
+            if depth < depth_px[node] + behind && !hidden {
+                nearest[node] = depth;
+                slopes[node] = slope;
+            }
+        }
+        (nearest, slopes)
+    }
+
+    /// Whether no point around a node's is clearly nearer.
+    fn is_unhidden(&self, node: usize, nearest: &[f32]) -> bool {
+        const REACH: (isize, i64) = (4, 2);
+        if nearest[node].is_nan() {
+            return false;
+        }
+        let limit = nearest[node] - 25.0 * self.unit_px;
+        let (x, y) = self.graph.positions[node];
+        (-REACH.1..=REACH.1).all(|dy| {
+            let row = i64::from(y) + dy;
+            let inside = (0..self.graph.height as i64).contains(&row);
+            (-REACH.0..=REACH.0).all(|dx| {
+                let beside = self.graph.node_beside(row.max(0) as u32, x as usize, dx);
+                !inside || !beside.is_some_and(|node| nearest[node] <= limit)
+            })
+        })
+    }
+
+    /// What each node's final depth rests on.
+    pub fn confidence(
+        &self,
+        depth_px: &[f32],
+        line_weights: impl Iterator<Item = f32>,
+    ) -> Vec<Confidence> {
+        const REACH_PX: isize = 3;
+        let (nearest, _) = self.nearest_points(depth_px);
+        let known: Vec<bool> = line_weights
+            .enumerate()
+            .map(|(node, weight)| weight > 0.0 || self.is_unhidden(node, &nearest))
+            .collect();
+        (0..depth_px.len())
+            .map(|node| {
+                let (x, y) = self.graph.positions[node];
+                let at_line = (-REACH_PX..=REACH_PX).any(|step| {
+                    let beside = self.graph.node_beside(y, x as usize, step);
+                    beside.is_some_and(|node| known[node])
+                });
+                if at_line {
+                    Confidence::Lines
+                } else if depth_px[node] < self.near_px[node] + 1.0 {
+                    Confidence::Hull
+                } else {
+                    Confidence::Guessed
+                }
+            })
+            .collect()
+    }
+}

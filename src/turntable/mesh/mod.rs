@@ -1,0 +1,13 @@
+//! From the solid's field to a mesh that a modeller can use.
+
+pub mod components;
+pub mod confidence;
+pub mod decimate;
+pub mod marching;
+pub mod occupancy;
+pub mod quads;
+pub mod repair;
+pub mod shading;
+pub mod surface;
+pub mod texture;
+pub mod topology;

@@ -1,0 +1,157 @@
+//! The area that the subject covers in each view.
+
+mod edges;
+mod fill;
+mod opposite;
+
+use image::GrayImage;
+
+use super::ink::InkMap;
+use super::views::{View, ViewSet};
+use crate::sheet::Azimuth;
+
+pub use crate::options::SilhouetteOptions;
+pub use opposite::OppositePair;
+
+/// Where a silhouette comes from.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub enum SilhouetteSource {
+    /// The view's own mask or alpha channel.
+    Given,
+    /// Everything that paper connected to the image's border does not reach.
+    Filled {
+        /// The width of the widest gap that had to be closed, px.
+        closed_gap_px: u32,
+    },
+    /// The mask given with the opposite view, mirrored.
+    Opposite,
+    /// The union of this view's filled outline with its opposite's, mirrored.
+    Joined,
+}
+
+/// The area of the subject in one view.
+#[derive(Clone, Debug)]
+pub struct Silhouette {
+    azimuth: Azimuth,
+    mask: GrayImage,
+    source: SilhouetteSource,
+    half_line_px: f64,
+    /// Per row, the subject's runs as column intervals in the sheet frame, px.
+    intervals: Vec<Vec<(f64, f64)>>,
+}
+
+/// A view in which nothing is drawn.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SilhouetteError {
+    #[error(
+        "the silhouette of view {azimuth} covers {found_px} px, at least {required_px} are required"
+    )]
+    TooSmall { azimuth: Azimuth, found_px: usize, required_px: usize },
+    #[error("the silhouette of view {azimuth} covers the whole image: no paper is left around it")]
+    CoversImage { azimuth: Azimuth },
+}
+
+/// The smallest area that counts as a drawing, px.
+const MIN_AREA_PX: usize = 16;
+
+impl Silhouette {
+    /// Takes the view's mask, or fills the outside of its outline from the
+    /// image's border.
+    ///
+    /// # Errors
+    /// [`SilhouetteError`] if nothing, or everything, is inside.
+    pub fn of_view(view: &View, options: &SilhouetteOptions) -> Result<Self, SilhouetteError> {
+        let ink = InkMap::from_image(&view.image);
+        let (mask, source) = match &view.mask {
+            Some(mask) => (fill::binarised(mask), SilhouetteSource::Given),
+            None => fill::filled_outline(&ink, options.max_gap_px),
+        };
+        let half_line_px = match source {
+            SilhouetteSource::Given => 0.0,
+            _ => edges::half_line_px(&ink, &mask),
+        };
+        let intervals = edges::row_intervals(&ink, &mask, half_line_px);
+        Self { azimuth: view.azimuth, mask, source, half_line_px, intervals }.checked()
+    }
+
+    fn checked(self) -> Result<Self, SilhouetteError> {
+        let found_px = self.area_px();
+        let azimuth = self.azimuth;
+        if found_px < MIN_AREA_PX {
+            Err(SilhouetteError::TooSmall { azimuth, found_px, required_px: MIN_AREA_PX })
+        } else if found_px == self.mask.as_raw().len() {
+            Err(SilhouetteError::CoversImage { azimuth })
+        } else {
+            Ok(self)
+        }
+    }
+
+    pub fn azimuth(&self) -> Azimuth {
+        self.azimuth
+    }
+
+    /// 255 inside, 0 outside. A filled outline includes its line, so it is
+    /// [`half_line_px`](Self::half_line_px) wider than the subject.
+    pub fn mask(&self) -> &GrayImage {
+        &self.mask
+    }
+
+    pub fn source(&self) -> SilhouetteSource {
+        self.source
+    }
+
+    /// Half the width of the outline's stroke, px; 0 for a given mask.
+    pub fn half_line_px(&self) -> f64 {
+        self.half_line_px
+    }
+
+    /// Where the subject is in row `y`: disjoint column intervals, left to
+    /// right, sub-pixel, in the sheet frame, at the middle of the outline's
+    /// stroke. Empty for rows outside the image.
+    pub fn intervals_px(&self, y: usize) -> &[(f64, f64)] {
+        self.intervals.get(y).map_or(&[], Vec::as_slice)
+    }
+
+    /// Whether the pixel at column `x`, row `y` is inside; outside the image nothing is.
+    pub fn contains(&self, x: i64, y: i64) -> bool {
+        match (u32::try_from(x), u32::try_from(y)) {
+            (Ok(x), Ok(y)) if x < self.mask.width() && y < self.mask.height() => {
+                self.mask.get_pixel(x, y).0[0] != 0
+            }
+            _ => false,
+        }
+    }
+
+    pub fn area_px(&self) -> usize {
+        self.mask.as_raw().iter().filter(|&&level| level != 0).count()
+    }
+}
+
+/// The silhouettes of a set of views, in its order, and how well views at
+/// opposite azimuths agree.
+#[derive(Clone, Debug)]
+pub struct Silhouettes {
+    pub silhouettes: Vec<Silhouette>,
+    pub opposites: Vec<OppositePair>,
+}
+
+impl Silhouettes {
+    /// Finds every view's silhouette and joins those of opposite views.
+    ///
+    /// # Errors
+    /// [`SilhouetteError`] of the first view in which nothing, or everything,
+    /// is inside.
+    pub fn of_views(views: &ViewSet, options: &SilhouetteOptions) -> Result<Self, SilhouetteError> {
+        use rayon::prelude::*;
+        let found: Vec<_> =
+            views.views().par_iter().map(|view| Silhouette::of_view(view, options)).collect();
+        let mut silhouettes = found.into_iter().collect::<Result<Vec<_>, _>>()?;
+        let opposites =
+            if options.join_opposites { opposite::join(&mut silhouettes) } else { Vec::new() };
+        Ok(Self { silhouettes, opposites })
+    }
+}
+
+#[cfg(test)]
+mod tests;

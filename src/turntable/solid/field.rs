@@ -1,0 +1,212 @@
+//! The solid as a stack of signed distance planes.
+
+use nalgebra::{Point2, Point3};
+
+/// A regular lattice in the turntable frame, slices bottom to top.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lattice {
+    /// The position of node (0, 0, 0), px.
+    pub origin: Point3<f64>,
+    /// The distance between neighbouring nodes, px.
+    pub pitch_px: f64,
+    /// Nodes along X, Y and Z.
+    pub nodes: [usize; 3],
+}
+
+impl Lattice {
+    pub fn x(&self, i: usize) -> f64 {
+        self.origin.x + i as f64 * self.pitch_px
+    }
+
+    pub fn y(&self, j: usize) -> f64 {
+        self.origin.y + j as f64 * self.pitch_px
+    }
+
+    pub fn z(&self, k: usize) -> f64 {
+        self.origin.z + k as f64 * self.pitch_px
+    }
+
+    /// The farthest distance that planes tell, px.
+    pub fn truncation_px(&self) -> f64 {
+        4.0 * self.pitch_px
+    }
+
+    /// The nodes along one axis between two coordinates, clamped to the lattice.
+    fn range(&self, axis: usize, low: f64, high: f64) -> std::ops::Range<usize> {
+        let index = |value: f64| (value - self.origin[axis]) / self.pitch_px;
+        let first = index(low).ceil().max(0.0) as usize;
+        let last = (index(high).floor() + 1.0).max(0.0) as usize;
+        first.min(self.nodes[axis])..last.min(self.nodes[axis])
+    }
+}
+
+/// Signed distances to the solid's outline in one slice, px, positive inside,
+/// truncated; a window of the lattice beyond which everything is outside.
+#[derive(Clone, Debug, Default)]
+pub struct Plane {
+    pub first: [usize; 2],
+    pub size: [usize; 2],
+    /// Row by row, X fastest.
+    pub values: Vec<f32>,
+    /// Where creases cross the slice.
+    pub creases: Vec<Point2<f64>>,
+}
+
+impl Plane {
+    /// The union of `polygons` on `lattice`. Polygons are simple and
+    /// counter-clockwise.
+    pub fn of_polygons(lattice: &Lattice, polygons: &[Vec<Point2<f64>>]) -> Self {
+        let mut plane = Self::window(lattice, polygons);
+        for polygon in polygons {
+            plane.add(lattice, polygon);
+        }
+        plane
+    }
+
+    fn window(lattice: &Lattice, polygons: &[Vec<Point2<f64>>]) -> Self {
+        let margin = lattice.truncation_px();
+        let Some(first) = polygons.iter().flatten().next() else {
+            return Self::default();
+        };
+        let (low, high) = polygons
+            .iter()
+            .flatten()
+            .fold((*first, *first), |(low, high), p| (low.inf(p), high.sup(p)));
+        let columns = lattice.range(0, low.x - margin, high.x + margin);
+        let rows = lattice.range(1, low.y - margin, high.y + margin);
+        let outside = -lattice.truncation_px() as f32;
+        Self {
+            first: [columns.start, rows.start],
+            size: [columns.len(), rows.len()],
+            values: vec![outside; columns.len() * rows.len()],
+            creases: Vec::new(),
+        }
+    }
+
+    fn add(&mut self, lattice: &Lattice, polygon: &[Point2<f64>]) {
+        let mut own = Self::window(lattice, std::slice::from_ref(&polygon.to_vec()));
+        own.values.fill(lattice.truncation_px() as f32);
+        for (i, from) in polygon.iter().enumerate() {
+            own.lower_to_segment(lattice, from, &polygon[(i + 1) % polygon.len()]);
+        }
+        own.negate_outside(lattice, polygon);
+        for j in 0..own.size[1] {
+            for i in 0..own.size[0] {
+                let (x, y) = (own.first[0] + i - self.first[0], own.first[1] + j - self.first[1]);
+                let value = &mut self.values[y * self.size[0] + x];
+                *value = value.max(own.values[j * own.size[0] + i]);
+            }
+        }
+    }
+
+    /// Lowers unsigned distances to those of the segment.
+    fn lower_to_segment(&mut self, lattice: &Lattice, from: &Point2<f64>, to: &Point2<f64>) {
+        let reach = lattice.truncation_px();
+        let along = to - from;
+        let length2 = along.norm_squared().max(1e-12);
+        let (low_y, high_y) = (from.y.min(to.y) - reach, from.y.max(to.y) + reach);
+        for j in lattice.range(1, low_y, high_y) {
+            let y = lattice.y(j);
+            // The part of the segment whose distance to the row is in reach.
+            let at = |value: f64| {
+                if along.y.abs() < 1e-9 {
+                    None
+                } else {
+                    Some(((value - from.y) / along.y).clamp(0.0, 1.0))
+                }
+            };
+            let (s, t) = (at(y - reach).unwrap_or(0.0), at(y + reach).unwrap_or(1.0));
+            let (a, b) = (from.x + along.x * s, from.x + along.x * t);
+            for i in lattice.range(0, a.min(b) - reach, a.max(b) + reach) {
+                let offset = Point2::new(lattice.x(i), y) - from;
+                let nearest = (offset.dot(&along) / length2).clamp(0.0, 1.0);
+                let distance = (offset - along * nearest).norm() as f32;
+                let index = (j - self.first[1]) * self.size[0] + i - self.first[0];
+                self.values[index] = self.values[index].min(distance);
+            }
+        }
+    }
+
+    /// Turns distances outside `polygon` negative, by scanlines.
+    fn negate_outside(&mut self, lattice: &Lattice, polygon: &[Point2<f64>]) {
+        let mut crossings: Vec<f64> = Vec::new();
+        for j in 0..self.size[1] {
+            let y = lattice.y(self.first[1] + j);
+            crossings.clear();
+            for (i, from) in polygon.iter().enumerate() {
+                let to = &polygon[(i + 1) % polygon.len()];
+                if (from.y <= y) != (to.y <= y) {
+                    crossings.push(from.x + (to.x - from.x) * (y - from.y) / (to.y - from.y));
+                }
+            }
+            crossings.sort_by(f64::total_cmp);
+            let row = &mut self.values[j * self.size[0]..(j + 1) * self.size[0]];
+            for (i, value) in row.iter_mut().enumerate() {
+                let x = lattice.x(self.first[0] + i);
+                if crossings.iter().filter(|&&crossing| crossing <= x).count() % 2 == 0 {
+                    *value = -*value;
+                }
+            }
+        }
+    }
+
+    /// The value at node (i, j) of the lattice; `outside` beyond the window.
+    pub fn at(&self, i: usize, j: usize, outside: f32) -> f32 {
+        match (i.checked_sub(self.first[0]), j.checked_sub(self.first[1])) {
+            (Some(i), Some(j)) if i < self.size[0] && j < self.size[1] => {
+                self.values[j * self.size[0] + i]
+            }
+            _ => outside,
+        }
+    }
+}
+
+/// A plane per slice, bottom to top.
+#[derive(Clone, Debug)]
+pub struct Field {
+    pub lattice: Lattice,
+    pub planes: Vec<Plane>,
+}
+
+impl Field {
+    /// The signed distance at a node, px; outside everywhere beyond the planes.
+    pub fn at(&self, i: usize, j: usize, k: usize) -> f32 {
+        let outside = -self.lattice.truncation_px() as f32;
+        self.planes.get(k).map_or(outside, |plane| plane.at(i, j, outside))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lattice() -> Lattice {
+        Lattice { origin: Point3::new(-10.0, -10.0, 0.0), pitch_px: 0.5, nodes: [41, 41, 2] }
+    }
+
+    fn square(low: f64, high: f64) -> Vec<Point2<f64>> {
+        [(low, low), (high, low), (high, high), (low, high)]
+            .map(|(x, y)| Point2::new(x, y))
+            .to_vec()
+    }
+
+    #[test]
+    fn distances_are_exact_and_truncated() {
+        let plane = Plane::of_polygons(&lattice(), &[square(-5.2, 5.2)]);
+        let at = |x: f64, y: f64| {
+            plane.at(((x + 10.0) * 2.0) as usize, ((y + 10.0) * 2.0) as usize, -2.0)
+        };
+        assert!((at(5.0, 0.0) - 0.2).abs() < 1e-5);
+        assert!((at(6.0, 0.0) + 0.8).abs() < 1e-5);
+        assert!((at(6.0, 6.0) + 0.8 * 2.0_f32.sqrt()).abs() < 1e-5);
+        assert_eq!(at(0.0, 0.0), 2.0);
+        assert_eq!(at(9.5, 0.0), -2.0);
+    }
+
+    #[test]
+    fn polygons_unite() {
+        let plane = Plane::of_polygons(&lattice(), &[square(-6.0, -3.0), square(3.0, 6.0)]);
+        let inside = plane.values.iter().filter(|&&value| value > 0.0).count();
+        assert_eq!(inside, 2 * 5 * 5);
+    }
+}

@@ -1,0 +1,379 @@
+//! The solid from few views: the visual hull slice by slice, rounded where no
+//! line says that it is sharp.
+
+mod crease;
+pub mod field;
+mod fusion;
+mod ghosts;
+mod holes;
+mod outline;
+mod rounding;
+mod section;
+mod sheet;
+mod symmetry;
+#[cfg(test)]
+mod tests;
+mod voxel;
+
+use std::ops::ControlFlow;
+
+use image::{ImageBuffer, Luma};
+use nalgebra::{Point2, Point3};
+
+use super::mesh::confidence::{Support, Witness, vertex_support};
+use super::mesh::marching::marching_cubes;
+use super::mesh::occupancy::Occupancy;
+use super::mesh::shading::{CREASE_ANGLE_DEG, crease_edges};
+use super::mesh::texture::Rig;
+use super::mesh::{components, decimate, surface};
+use super::silhouette::Silhouettes;
+use super::views::ViewSet;
+use crate::geometry::Mesh;
+pub use crate::options::{Holes, SolidKind, SolidOptions, Switch};
+use crate::sheet::Azimuth;
+use crease::Slice;
+use field::{Field, Lattice, Plane};
+pub use holes::{Hole, HoleHint};
+use outline::Outline;
+use sheet::SolidSheet;
+pub use symmetry::MirrorPlane;
+
+/// What the solid is made of.
+#[derive(Clone, Debug)]
+pub struct Solid {
+    /// Closed and manifold, outward; turntable frame, px.
+    pub mesh: Mesh,
+    /// Edges of `mesh` that are creases, low vertex first.
+    pub creases: Vec<[u32; 2]>,
+    /// What each vertex of `mesh` rests on.
+    pub support: Vec<Support>,
+    pub report: SolidReport,
+}
+
+/// What was found and decided on the way.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
+pub struct SolidReport {
+    /// Directions that bound the solid, after joining opposite views.
+    pub directions: usize,
+    pub mirror_plane: Option<MirrorPlane>,
+    pub holes: Vec<Hole>,
+    /// Views, drawn or mirrored, whose depths carved the solid.
+    pub carving_views: usize,
+    /// Slices through the solid and the distance between them, px.
+    pub slices: usize,
+    pub pitch_px: f64,
+    /// Parts that no outline needs and no line shows.
+    pub ghosts: usize,
+    /// Corners of slices that are sharp, and all.
+    pub sharp_corners: usize,
+    pub corners: usize,
+    pub pieces: components::Pieces,
+    /// Triangles before and after decimation.
+    pub full_faces: usize,
+    pub faces: usize,
+}
+
+/// Depths found in one view.
+#[derive(Clone, Debug)]
+pub struct DepthMap {
+    pub azimuth: Azimuth,
+    /// px from the axis plane, growing away from the camera; NaN outside. The view's size.
+    pub depth: ImageBuffer<Luma<f32>, Vec<f32>>,
+}
+
+/// Why there is no solid.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SolidError {
+    #[error("the views look along {found} direction, {required} are required")]
+    TooFewDirections { found: usize, required: usize },
+    #[error("the silhouettes have no row in common")]
+    NoCommonRow,
+    #[error("the silhouettes contradict each other everywhere: nothing is inside all of them")]
+    Empty,
+    #[error("cancelled")]
+    Cancelled,
+}
+
+/// The stages of [`build`], in order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SolidStage {
+    Views,
+    Slices,
+    Creases,
+    Field,
+    Surface,
+    Decimation,
+    Support,
+}
+
+/// Told before each stage; breaking cancels.
+pub type Progress<'a> = &'a mut dyn FnMut(SolidStage) -> ControlFlow<()>;
+
+/// What a solid is built from.
+#[derive(Clone, Copy)]
+pub struct SolidInput<'a> {
+    pub views: &'a ViewSet,
+    /// Those of `views`, in their order.
+    pub silhouettes: &'a Silhouettes,
+    /// Of some of the views, or none.
+    pub depth_maps: &'a [DepthMap],
+    pub hole_hints: &'a [HoleHint],
+}
+
+/// Fewer triangles bound no shape worth having.
+const MIN_TARGET_FACES: usize = 100;
+
+/// Builds the solid that the silhouettes, lines and depths of views show.
+///
+/// # Errors
+/// [`SolidError`] for views along one line, silhouettes that share nothing,
+/// and if `progress` breaks.
+pub fn build(
+    input: &SolidInput,
+    options: &SolidOptions,
+    progress: Progress,
+) -> Result<Solid, SolidError> {
+    let mut report = SolidReport::default();
+    tell(progress, SolidStage::Views)?;
+    let sheet = prepared_sheet(input, options, &mut report);
+    let full = full_mesh(&sheet, input, options, progress, &mut report)?;
+    let (full, pieces) = components::without_floaters(&full, options.min_piece_percent / 100.0);
+    report.pieces = pieces;
+    if full.triangles.is_empty() {
+        return Err(SolidError::Empty);
+    }
+    tell(progress, SolidStage::Decimation)?;
+    let mesh = decimate::decimated(
+        &full,
+        (options.target_faces as usize).max(MIN_TARGET_FACES),
+        options.tolerance_px,
+    );
+    report.full_faces = full.triangles.len();
+    report.faces = mesh.triangles.len();
+    tell(progress, SolidStage::Support)?;
+    Ok(Solid {
+        creases: crease_edges(&mesh, CREASE_ANGLE_DEG),
+        support: support_of(&mesh, input, &sheet),
+        mesh,
+        report,
+    })
+}
+
+/// The views with their holes cut out, and mirrored ones.
+fn prepared_sheet(
+    input: &SolidInput,
+    options: &SolidOptions,
+    report: &mut SolidReport,
+) -> SolidSheet {
+    let mut sheet = SolidSheet::new(input.views, input.silhouettes);
+    let silhouettes = input.silhouettes.silhouettes.iter();
+    let (masks, half_line_px): (Vec<_>, Vec<_>) =
+        silhouettes.map(|silhouette| (silhouette.mask(), silhouette.half_line_px())).unzip();
+    let seen = symmetry::detect(&sheet.drawings(), false);
+    if options.holes != Holes::Off || !input.hole_hints.is_empty() {
+        report.holes = holes::carve(
+            &mut sheet,
+            &masks,
+            &half_line_px,
+            seen.as_ref(),
+            input.hole_hints,
+            options.holes,
+        );
+    }
+    if options.symmetry != Switch::Off && options.kind == SolidKind::Creased {
+        let forced = options.symmetry == Switch::On;
+        report.mirror_plane =
+            seen.or_else(|| symmetry::detect(&sheet.drawings(), true).filter(|_| forced));
+        if let Some(plane) = &report.mirror_plane {
+            sheet.add_mirrored(plane);
+        }
+    }
+    sheet
+}
+
+/// The solid's surface before decimation.
+fn full_mesh(
+    sheet: &SolidSheet,
+    input: &SolidInput,
+    options: &SolidOptions,
+    progress: Progress,
+    report: &mut SolidReport,
+) -> Result<Mesh, SolidError> {
+    let directions = sheet.directions();
+    report.directions = directions.len();
+    if directions.len() < 2 {
+        return Err(SolidError::TooFewDirections { found: directions.len(), required: 2 });
+    }
+    tell(progress, SolidStage::Slices)?;
+    let lattice = lattice_of(sheet, &directions, options)?;
+    report.pitch_px = lattice.pitch_px;
+    if options.kind == SolidKind::Voxel {
+        tell(progress, SolidStage::Surface)?;
+        let occupancy = voxel::carve(&lattice, &directions, sheet.origin_row_px);
+        return Ok(marching_cubes(&lattice, &occupancy));
+    }
+    let mut slices = slices_of(sheet, &directions, &lattice);
+    report.slices = slices.len();
+    if options.drop_ghosts && options.kind == SolidKind::Creased {
+        report.ghosts = ghosts::drop_ghosts(&mut slices, &directions, &sheet.ink_evidence());
+    }
+    tell(progress, SolidStage::Creases)?;
+    let outlines = outlines_of(sheet, &slices, &lattice, options, report);
+    tell(progress, SolidStage::Field)?;
+    let mut field = field_of(lattice, outlines);
+    if options.fusion && options.kind == SolidKind::Creased && !input.depth_maps.is_empty() {
+        let views = fusion::CarvingView::of_sheet(sheet, input.depth_maps);
+        report.carving_views = views.len();
+        fuse(&mut field, &slices, &views);
+    }
+    tell(progress, SolidStage::Surface)?;
+    let occupancy = Occupancy::of_field(&field);
+    Ok(decimate::triangles_of_quads(&surface::quads_of_field(&field, &occupancy)))
+}
+
+/// The camera rig of `views`, for textures and visibility.
+pub fn rig_of(views: &ViewSet) -> Rig {
+    Rig {
+        azimuths: views.azimuths().collect(),
+        width: views.width(),
+        height: views.height(),
+        axis_px: views.axis_px(),
+        origin_row_px: views.origin_row_px(),
+    }
+}
+
+fn support_of(mesh: &Mesh, input: &SolidInput, sheet: &SolidSheet) -> Vec<Support> {
+    let silhouettes = input.silhouettes.silhouettes.iter().enumerate();
+    let witnesses: Vec<Witness> = silhouettes
+        .map(|(drawing, silhouette)| Witness {
+            silhouette,
+            near_ink: sheet.near_ink(drawing),
+            depth_px: input
+                .depth_maps
+                .iter()
+                .find(|map| map.azimuth == silhouette.azimuth())
+                .map(|map| &map.depth),
+        })
+        .collect();
+    vertex_support(mesh, &rig_of(input.views), &witnesses)
+}
+
+fn tell(
+    progress: &mut dyn FnMut(SolidStage) -> ControlFlow<()>,
+    stage: SolidStage,
+) -> Result<(), SolidError> {
+    match progress(stage) {
+        ControlFlow::Continue(()) => Ok(()),
+        ControlFlow::Break(()) => Err(SolidError::Cancelled),
+    }
+}
+
+/// The lattice that holds all that is inside every silhouette.
+fn lattice_of(
+    sheet: &SolidSheet,
+    directions: &[Outline],
+    options: &SolidOptions,
+) -> Result<Lattice, SolidError> {
+    let ranges: Option<Vec<_>> = directions.iter().map(Outline::row_range).collect();
+    let (first, last) = ranges
+        .ok_or(SolidError::NoCommonRow)?
+        .into_iter()
+        .fold((0, usize::MAX), |all, range| (all.0.max(range.0), all.1.min(range.1)));
+    if first >= last {
+        return Err(SolidError::NoCommonRow);
+    }
+    let half_px = half_extent_px(directions);
+    let longest_px = (last - first).max((half_px * 2.0) as usize) as f64;
+    let pitch_px = (longest_px / f64::from(options.resolution.clamp(16, 512))).max(1.0);
+    let across = (half_px * 2.0 / pitch_px).ceil() as usize + 1;
+    let up = ((last - first) as f64 / pitch_px).ceil() as usize;
+    let low_z = sheet.origin_row_px - last as f64 + pitch_px / 2.0;
+    let low = -(across as f64 - 1.0) / 2.0 * pitch_px;
+    Ok(Lattice {
+        origin: Point3::new(low, low, low_z),
+        pitch_px,
+        nodes: [across, across, up.max(1)],
+    })
+}
+
+/// Nothing that a view shows is farther from the axis than this, px.
+fn half_extent_px(directions: &[Outline]) -> f64 {
+    let reach = |outline: &Outline| {
+        outline.column_range().map_or(0.0, |(low, high)| high.abs().max(low.abs()))
+    };
+    directions.iter().map(reach).fold(1.0, f64::max)
+}
+
+fn slices_of(sheet: &SolidSheet, directions: &[Outline], lattice: &Lattice) -> Vec<Slice> {
+    use rayon::prelude::*;
+    let half_px = half_extent_px(directions);
+    (0..lattice.nodes[2])
+        .into_par_iter()
+        .map(|k| {
+            let row = (sheet.origin_row_px - lattice.z(k)).floor().max(0.0) as usize;
+            let rows: Vec<_> = directions.iter().map(|outline| outline.row(row)).collect();
+            let sections = section::sections_of_row(directions, &rows, half_px);
+            Slice { row, sections }
+        })
+        .collect()
+}
+
+/// The height over which ink along a crease is averaged, as a share of the subject's.
+const CREASE_WINDOW: f64 = 0.08;
+
+/// Per slice, the outlines of its sections and where creases cross it.
+struct SliceOutlines {
+    polygons: Vec<Vec<Point2<f64>>>,
+    creases: Vec<Point2<f64>>,
+}
+
+fn outlines_of(
+    sheet: &SolidSheet,
+    slices: &[Slice],
+    lattice: &Lattice,
+    options: &SolidOptions,
+    report: &mut SolidReport,
+) -> Vec<SliceOutlines> {
+    let sharp: Vec<Vec<Vec<bool>>> = if options.kind == SolidKind::Creased && options.creases {
+        let window_px = CREASE_WINDOW * slices.len() as f64 * lattice.pitch_px;
+        let evidence = sheet.ink_evidence();
+        crease::sharp_corners(slices, &evidence, lattice.pitch_px, window_px, options.boxy)
+    } else {
+        let all = options.kind != SolidKind::Creased;
+        let of_slice = |slice: &Slice| slice.sections.iter().map(|s| vec![all; s.len()]).collect();
+        slices.iter().map(of_slice).collect()
+    };
+    report.corners = sharp.iter().flatten().map(Vec::len).sum();
+    report.sharp_corners = sharp.iter().flatten().flatten().filter(|&&sharp| sharp).count();
+    let outlines = slices.iter().zip(&sharp).map(|(slice, sharp)| {
+        let pairs = || slice.sections.iter().zip(sharp);
+        let corners = pairs().flat_map(|(section, sharp)| section.corners.iter().zip(sharp));
+        SliceOutlines {
+            polygons: pairs().map(|(section, sharp)| rounding::rounded(section, sharp)).collect(),
+            creases: corners.filter(|(_, sharp)| **sharp).map(|(corner, _)| *corner).collect(),
+        }
+    });
+    outlines.collect()
+}
+
+fn field_of(lattice: Lattice, outlines: Vec<SliceOutlines>) -> Field {
+    use rayon::prelude::*;
+    let planes = outlines.into_par_iter().map(|outlines| {
+        let mut plane = Plane::of_polygons(&lattice, &outlines.polygons);
+        plane.creases = outlines.creases;
+        plane
+    });
+    Field { lattice, planes: planes.collect() }
+}
+
+fn fuse(field: &mut Field, slices: &[Slice], views: &[fusion::CarvingView]) {
+    use rayon::prelude::*;
+    let lattice = field.lattice;
+    field.planes.par_iter_mut().zip(slices).for_each(|(plane, slice)| {
+        let polygons: Vec<_> =
+            slice.sections.iter().map(|section| section.corners.clone()).collect();
+        let hull = Plane::of_polygons(&lattice, &polygons);
+        fusion::carve(plane, &hull, &lattice, slice.row, views);
+    });
+}

@@ -1,0 +1,172 @@
+use nalgebra::{Point2, Vector2};
+
+use super::super::silhouette::Silhouette;
+
+/// A silhouette as one bound per slice of the solid: in the turntable frame,
+/// columns measured from the axis.
+#[derive(Clone, Debug)]
+pub struct Outline {
+    pub azimuth_rad: f64,
+    /// Per image row, disjoint intervals of the column, px from the axis,
+    /// left to right.
+    pub rows: Vec<Vec<(f64, f64)>>,
+}
+
+impl Outline {
+    /// The sub-pixel intervals of `silhouette`, cut where the row half a
+    /// stroke above or below is outside: the stroke is as thick downward as it
+    /// is sideways.
+    pub fn from_silhouette(silhouette: &Silhouette, axis_px: f64) -> Self {
+        let height = silhouette.mask().height() as usize;
+        let reach = silhouette.half_line_px().round() as usize;
+        let rows = (0..height)
+            .map(|y| {
+                let own: Vec<(f64, f64)> = silhouette
+                    .intervals_px(y)
+                    .iter()
+                    .map(|&(left, right)| (left - axis_px, right - axis_px))
+                    .collect();
+                if reach == 0 || own.is_empty() {
+                    return own;
+                }
+                let above = y.checked_sub(reach).map(|y| raw_runs(silhouette, y, axis_px));
+                let below = raw_runs(silhouette, y + reach, axis_px);
+                intersection(&intersection(&own, &above.unwrap_or_default()), &below)
+            })
+            .collect();
+        Self { azimuth_rad: silhouette.azimuth().radians(), rows }
+    }
+
+    /// The same subject seen in a mirror: the outline at `azimuth_rad`, every
+    /// column `u` moved to `sum_px - u`.
+    pub fn mirrored(&self, azimuth_rad: f64, sum_px: f64) -> Self {
+        let flip = |row: &Vec<(f64, f64)>| {
+            row.iter().rev().map(|&(left, right)| (sum_px - right, sum_px - left)).collect()
+        };
+        Self { azimuth_rad, rows: self.rows.iter().map(flip).collect() }
+    }
+
+    /// The horizontal direction in which the column grows.
+    pub fn right(&self) -> Vector2<f64> {
+        Vector2::new(self.azimuth_rad.cos(), self.azimuth_rad.sin())
+    }
+
+    /// The horizontal direction from the axis to the camera.
+    pub fn toward_camera(&self) -> Vector2<f64> {
+        Vector2::new(self.azimuth_rad.sin(), -self.azimuth_rad.cos())
+    }
+
+    /// The column of a point of the horizontal plane, px from the axis.
+    pub fn column(&self, point: &Point2<f64>) -> f64 {
+        self.right().dot(&point.coords)
+    }
+
+    pub fn row(&self, y: usize) -> &[(f64, f64)] {
+        self.rows.get(y).map_or(&[], Vec::as_slice)
+    }
+
+    /// The first and one past the last row that holds anything.
+    pub fn row_range(&self) -> Option<(usize, usize)> {
+        let first = self.rows.iter().position(|row| !row.is_empty())?;
+        let last = self.rows.iter().rposition(|row| !row.is_empty())?;
+        Some((first, last + 1))
+    }
+
+    /// The smallest and largest column, px from the axis.
+    pub fn column_range(&self) -> Option<(f64, f64)> {
+        let ends = self.rows.iter().filter_map(|row| Some((row.first()?.0, row.last()?.1)));
+        ends.reduce(|all, row| (all.0.min(row.0), all.1.max(row.1)))
+    }
+
+    /// Whether the two look along one line, from the same or opposite sides.
+    pub fn is_parallel_to(&self, other: &Self) -> bool {
+        let sine = (self.azimuth_rad - other.azimuth_rad).sin();
+        sine.abs() < 1e-3
+    }
+}
+
+fn raw_runs(silhouette: &Silhouette, y: usize, axis_px: f64) -> Vec<(f64, f64)> {
+    let mask = silhouette.mask();
+    let width = mask.width() as usize;
+    let Some(row) = mask.as_raw().chunks_exact(width.max(1)).nth(y) else {
+        return Vec::new();
+    };
+    let mut runs = Vec::new();
+    let mut start = None;
+    for x in 0..=width {
+        let inside = row.get(x).is_some_and(|&level| level != 0);
+        match (inside, start) {
+            (true, None) => start = Some(x),
+            (false, Some(from)) => {
+                runs.push((from as f64 - axis_px, x as f64 - axis_px));
+                start = None;
+            }
+            _ => {}
+        }
+    }
+    runs
+}
+
+/// What two ascending lists of disjoint intervals share.
+pub fn intersection(a: &[(f64, f64)], b: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    let (mut i, mut j) = (0, 0);
+    let mut shared = Vec::new();
+    while i < a.len() && j < b.len() {
+        let (low, high) = (a[i].0.max(b[j].0), a[i].1.min(b[j].1));
+        if low < high {
+            shared.push((low, high));
+        }
+        if a[i].1 < b[j].1 {
+            i += 1;
+        } else {
+            j += 1;
+        }
+    }
+    shared
+}
+
+/// What `a` holds and `b` does not, both ascending and disjoint.
+pub fn difference(a: &[(f64, f64)], b: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    let mut left = Vec::new();
+    for &(low, high) in a {
+        let mut from = low;
+        for &(cut_low, cut_high) in b.iter().filter(|cut| cut.1 > low && cut.0 < high) {
+            if cut_low > from {
+                left.push((from, cut_low));
+            }
+            from = from.max(cut_high);
+        }
+        if from < high {
+            left.push((from, high));
+        }
+    }
+    left
+}
+
+/// The summed length of intervals.
+pub fn length(intervals: &[(f64, f64)]) -> f64 {
+    intervals.iter().map(|(low, high)| high - low).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn intersects_and_subtracts() {
+        let a = [(0.0, 4.0), (6.0, 9.0)];
+        let b = [(-1.0, 1.0), (3.0, 7.0)];
+        assert_eq!(intersection(&a, &b), [(0.0, 1.0), (3.0, 4.0), (6.0, 7.0)]);
+        assert_eq!(difference(&a, &b), [(1.0, 3.0), (7.0, 9.0)]);
+        assert_eq!(length(&difference(&a, &b)), 4.0);
+    }
+
+    #[test]
+    fn mirrors_about_a_plane() {
+        let outline =
+            Outline { azimuth_rad: 0.5, rows: vec![vec![(-3.0, -1.0), (2.0, 5.0)], vec![]] };
+        let mirrored = outline.mirrored(-0.5, 1.0);
+        assert_eq!(mirrored.rows[0], [(-4.0, -1.0), (2.0, 4.0)]);
+        assert_eq!(mirrored.column_range(), Some((-4.0, 4.0)));
+    }
+}
