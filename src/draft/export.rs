@@ -1,8 +1,9 @@
 use rayon::ThreadPool;
 
+use super::DraftError;
+use super::carrier::Carrier;
 use super::outbox::{Files, Outbox};
 use super::timing::Timed;
-use super::{DraftError, EmitArtifact};
 use crate::export::{
     Artifact, ArtifactName, ExportFrame, MeshExtras, MetricsDocument, PairArtifact, ViewArtifact,
     cloud_ply, glb, matches_json, matches_png, rectified_png, thumbnail,
@@ -12,22 +13,22 @@ use crate::pipeline::{Metrics, Observer, PairResult, Reconstruction, ViewResult,
 use crate::sheet::{Sheet, View};
 
 /// Makes the artifacts of the method `uncalibrated`, in a fixed order.
-pub(super) struct Exporter<'a> {
+pub(super) struct Exporter<'a, 'e> {
     sheet: &'a Sheet,
     reconstruction: &'a Reconstruction,
     options: &'a Options,
-    outbox: Outbox<'a>,
+    outbox: Outbox<'a, 'e>,
     frame: Option<ExportFrame>,
 }
 
-impl<'a> Exporter<'a> {
+impl<'a, 'e> Exporter<'a, 'e> {
     pub fn new(
         sheet: &'a Sheet,
         reconstruction: &'a Reconstruction,
         options: &'a Options,
         pool: &'a ThreadPool,
         observer: &'a dyn Observer,
-        emit: EmitArtifact<'a>,
+        carrier: Carrier<'e>,
     ) -> Self {
         // Cloud, mesh, metrics, bundle and timings follow views and pairs.
         let units = reconstruction.views.len() + reconstruction.pairs.len() + 5;
@@ -35,7 +36,7 @@ impl<'a> Exporter<'a> {
             sheet,
             reconstruction,
             options,
-            outbox: Outbox::new(units, pool, observer, emit),
+            outbox: Outbox::new(units, pool, observer, carrier),
             frame: frame(reconstruction, options),
         }
     }

@@ -1,5 +1,6 @@
 //! The main job: a sheet document and its image bytes in, artifacts out.
 
+mod carrier;
 mod decode;
 mod export;
 mod outbox;
@@ -8,6 +9,7 @@ mod turntable;
 mod turntable_export;
 
 use std::io;
+use std::thread;
 
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use serde::{Deserialize, Serialize};
@@ -17,6 +19,7 @@ use crate::options::{self, Method, Options};
 use crate::pipeline::{Cancelled, Observer, PipelineError, measure, reconstruct};
 use crate::sheet::{ImageLimits, Sheet, SheetDocument};
 
+use carrier::Carrier;
 use decode::decode_sheet;
 use export::Exporter;
 use timing::Timed;
@@ -79,8 +82,8 @@ pub struct Summary {
 /// Reads the bytes of an image that a document names.
 pub type ReadImage<'a> = &'a (dyn Fn(&str) -> io::Result<Vec<u8>> + Sync);
 
-/// Takes finished artifacts.
-pub type EmitArtifact<'a> = &'a mut dyn FnMut(Artifact) -> io::Result<()>;
+/// Takes finished artifacts; called from another thread.
+pub type EmitArtifact<'a> = &'a mut (dyn FnMut(Artifact) -> io::Result<()> + Send);
 
 /// Makes a 3D draft from a sheet.
 ///
@@ -109,10 +112,13 @@ pub fn produce(
     let timed = Timed::new(observer);
     let sheet = decode_sheet(document, &options, read, limits, &pool, &timed.decoding())?;
     let run = Run { sheet: &sheet, options: &options, pool: &pool, threads, timed: &timed };
-    match options.method {
-        Method::Uncalibrated => uncalibrated(&run, emit),
-        Method::Turntable => turntable(&run, document, emit),
-    }
+    thread::scope(|scope| {
+        let carrier = Carrier::start(scope, emit);
+        match options.method {
+            Method::Uncalibrated => uncalibrated(&run, carrier),
+            Method::Turntable => turntable(&run, document, carrier),
+        }
+    })
 }
 
 /// What both methods work from.
@@ -124,7 +130,7 @@ struct Run<'a> {
     timed: &'a Timed<'a>,
 }
 
-fn uncalibrated(run: &Run<'_>, emit: EmitArtifact<'_>) -> Result<Summary, DraftError> {
+fn uncalibrated(run: &Run<'_>, carrier: Carrier<'_>) -> Result<Summary, DraftError> {
     let Run { sheet, options, pool, threads, timed } = *run;
     let reconstruction = reconstruct(sheet, options, threads, &timed.reconstructing())?;
     timed.computed();
@@ -132,7 +138,7 @@ fn uncalibrated(run: &Run<'_>, emit: EmitArtifact<'_>) -> Result<Summary, DraftE
         sheet.views().first().map_or((0, 0), |view| view.image.dimensions());
     let metrics = measure(&reconstruction, width_px, height_px);
     let exporting = timed.exporting();
-    let mut exporter = Exporter::new(sheet, &reconstruction, options, pool, &exporting, emit);
+    let mut exporter = Exporter::new(sheet, &reconstruction, options, pool, &exporting, carrier);
     exporter.views()?;
     exporter.pairs()?;
     exporter.cloud()?;
@@ -150,14 +156,14 @@ fn uncalibrated(run: &Run<'_>, emit: EmitArtifact<'_>) -> Result<Summary, DraftE
 fn turntable(
     run: &Run<'_>,
     document: &SheetDocument,
-    emit: EmitArtifact<'_>,
+    carrier: Carrier<'_>,
 ) -> Result<Summary, DraftError> {
     let Run { sheet, options, pool, threads, timed } = *run;
     let draft = turntable::compute(sheet, document, options, pool, &timed.reconstructing())?;
     timed.computed();
     let metrics = turntable_export::measure(&draft, options);
     let exporting = timed.exporting();
-    let mut exporter = TurntableExporter::new(&draft, options, pool, &exporting, emit)?;
+    let mut exporter = TurntableExporter::new(&draft, options, pool, &exporting, carrier)?;
     exporter.views()?;
     exporter.mesh()?;
     exporter.metrics(&metrics)?;

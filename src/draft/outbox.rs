@@ -1,23 +1,23 @@
 use rayon::ThreadPool;
 use rayon::prelude::*;
 
+use super::DraftError;
+use super::carrier::Carrier;
 use super::timing::Timed;
-use super::{DraftError, EmitArtifact};
 use crate::export::{
-    AbsentArtifact, Artifact, ArtifactName, Bundle, DepthPicture, ViewArtifact, depth_png,
-    disparity_png,
+    AbsentArtifact, Artifact, ArtifactName, DepthPicture, ViewArtifact, depth_png, disparity_png,
 };
 use crate::float_image::{FloatImage, encode_pfm};
 use crate::pipeline::{Observer, Progress, Stage};
 use crate::sheet::Azimuth;
 
-/// Hands artifacts over one by one and bundles them; never more than a few are
-/// in memory beside the bundle.
-pub(super) struct Outbox<'a> {
+/// Hands artifacts over one by one; never more than a few are in memory beside
+/// the bundle.
+pub(super) struct Outbox<'a, 'e> {
     pool: &'a ThreadPool,
     observer: &'a dyn Observer,
-    emit: EmitArtifact<'a>,
-    bundle: Bundle,
+    /// Gone once it has failed.
+    carrier: Option<Carrier<'e>>,
     names: Vec<String>,
     absent: Vec<AbsentArtifact>,
     depth_pictures: Vec<DepthPicture>,
@@ -33,20 +33,19 @@ pub(super) struct Files {
     pub depth_picture: Option<DepthPicture>,
 }
 
-impl<'a> Outbox<'a> {
+impl<'a, 'e> Outbox<'a, 'e> {
     /// * `units`: how often [`Self::unit_done`] will be called, with the two of
     ///   [`Self::finish`].
     pub fn new(
         units: usize,
         pool: &'a ThreadPool,
         observer: &'a dyn Observer,
-        emit: EmitArtifact<'a>,
+        carrier: Carrier<'e>,
     ) -> Self {
         Self {
             pool,
             observer,
-            emit,
-            bundle: Bundle::default(),
+            carrier: Some(carrier),
             names: Vec::new(),
             absent: Vec::new(),
             depth_pictures: Vec::new(),
@@ -89,7 +88,6 @@ impl<'a> Outbox<'a> {
         self.absent.extend(files.absent);
         self.depth_pictures.extend(files.depth_picture);
         for artifact in files.artifacts {
-            self.bundle.add(&artifact)?;
             self.hand_over(artifact)?;
         }
         Ok(())
@@ -99,19 +97,24 @@ impl<'a> Outbox<'a> {
     /// not part of it, as it differs from run to run. Returns the names of what
     /// was handed over.
     pub fn finish(mut self, timed: &Timed<'_>, threads: usize) -> Result<Vec<String>, DraftError> {
-        let bytes = std::mem::take(&mut self.bundle).finish()?;
-        self.hand_over(Artifact::new(ArtifactName::Bundle, bytes))?;
+        let (bundle, emit) = self.carrier.take().ok_or_else(stopped)?.finish()?;
+        let bundle = Artifact::new(ArtifactName::Bundle, bundle.finish()?);
+        self.names.push(bundle.name.clone());
+        emit(bundle)?;
         self.unit_done("bundle")?;
         let json = serde_json::to_vec_pretty(&timed.timings(threads))
             .map_err(|error| DraftError::Internal(error.to_string()))?;
-        self.hand_over(Artifact::new(ArtifactName::Timings, json))?;
+        let timings = Artifact::new(ArtifactName::Timings, json);
+        self.names.push(timings.name.clone());
+        emit(timings)?;
         self.unit_done("timings")?;
         Ok(self.names)
     }
 
     fn hand_over(&mut self, artifact: Artifact) -> Result<(), DraftError> {
         self.names.push(artifact.name.clone());
-        Ok((self.emit)(artifact)?)
+        let carrier = self.carrier.take_if(|carrier| !carrier.send(artifact));
+        carrier.map_or(Ok(()), |failed| Err(failed.finish().err().unwrap_or_else(stopped)))
     }
 
     pub fn unit_done(&mut self, unit: &str) -> Result<(), DraftError> {
@@ -125,6 +128,10 @@ impl<'a> Outbox<'a> {
         });
         Ok(self.observer.check()?)
     }
+}
+
+fn stopped() -> DraftError {
+    DraftError::Internal("artifacts are no longer taken".to_owned())
 }
 
 impl Files {

@@ -4,10 +4,11 @@ use image::{ImageBuffer, Luma};
 use rayon::ThreadPool;
 use serde::Serialize;
 
+use super::DraftError;
+use super::carrier::Carrier;
 use super::outbox::{Files, Outbox};
 use super::timing::Timed;
 use super::turntable::TurntableDraft;
-use super::{DraftError, EmitArtifact};
 use crate::export::{
     Artifact, ArtifactName, ExportFrame, MetricsDocument, TurntableGlbError, TurntableSheet,
     ViewArtifact, normals_png, quad_obj, silhouette_png, solid_glb, textured_glb, thumbnail,
@@ -81,25 +82,25 @@ struct MeshMetrics {
 }
 
 /// Makes the artifacts in a fixed order.
-pub(super) struct TurntableExporter<'a> {
+pub(super) struct TurntableExporter<'a, 'e> {
     draft: &'a TurntableDraft,
     options: &'a Options,
     frame: ExportFrame,
-    outbox: Outbox<'a>,
+    outbox: Outbox<'a, 'e>,
 }
 
-impl<'a> TurntableExporter<'a> {
+impl<'a, 'e> TurntableExporter<'a, 'e> {
     pub fn new(
         draft: &'a TurntableDraft,
         options: &'a Options,
         pool: &'a ThreadPool,
         observer: &'a dyn Observer,
-        emit: EmitArtifact<'a>,
+        carrier: Carrier<'e>,
     ) -> Result<Self, DraftError> {
         let bounds = draft.solid.mesh.bounds();
         let bounds = bounds.ok_or_else(|| DraftError::Internal("a solid without points".into()))?;
         let units = draft.depths.len() + UNITS_AFTER_VIEWS;
-        let outbox = Outbox::new(units, pool, observer, emit);
+        let outbox = Outbox::new(units, pool, observer, carrier);
         Ok(Self { draft, options, frame: ExportFrame::new(bounds, &options.export), outbox })
     }
 

@@ -4,10 +4,12 @@ use super::frame::ExportFrame;
 
 /// A cloud as binary little-endian PLY, glTF frame, metres.
 pub fn cloud_ply(points: impl Iterator<Item = Point3<f64>>, frame: &ExportFrame) -> Vec<u8> {
-    let body: Vec<u8> = points
-        .flat_map(|point| frame.gltf_from_turntable(&point))
-        .flat_map(f32::to_le_bytes)
-        .collect();
+    let mut body = Vec::new();
+    for point in points {
+        for coordinate in frame.gltf_from_turntable(&point) {
+            body.extend_from_slice(&coordinate.to_le_bytes());
+        }
+    }
     let count = body.len() / 12;
     let header = format!(
         "ply\nformat binary_little_endian 1.0\ncomment Y up, front faces +Z, metres\n\

@@ -22,12 +22,12 @@ pub fn encode_pfm(map: &FloatImage) -> Vec<u8> {
     let (width, height) = map.dimensions();
     let mut bytes = format!("Pf\n{width} {height}\n-1.0\n").into_bytes();
     bytes.reserve(map.len() * 4);
-    for row in map.rows().rev() {
-        bytes.extend(row.flat_map(|value| {
+    for row in map.as_raw().rchunks_exact(width.max(1) as usize) {
+        for value in row {
             // One NaN, so that equal maps are equal bytes.
-            let value = if value.0[0].is_nan() { f32::NAN } else { value.0[0] };
-            value.to_le_bytes()
-        }));
+            let value = if value.is_nan() { f32::NAN } else { *value };
+            bytes.extend_from_slice(&value.to_le_bytes());
+        }
     }
     bytes
 }
