@@ -56,6 +56,10 @@ pub struct TruthFields {
 impl TruthFields {
     pub fn parse(value: Option<Value>) -> Result<Self, Problem> {
         let Some(value) = value else { return Ok(Self::default()) };
+        if !value.is_object() {
+            let detail = "the part `truth` must be a JSON object";
+            return Err(Problem::new(INVALID_TRUTH, detail).part("truth"));
+        }
         serde_path_to_error::deserialize(value).map_err(|error| {
             let detail = format!("in the part `truth`, at `{}`: {}", error.path(), error.inner());
             Problem::new(INVALID_TRUTH, detail).part("truth")
