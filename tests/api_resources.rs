@@ -60,9 +60,9 @@ async fn views_named_by_azimuth_become_a_durable_job() {
     assert_eq!(
         angles,
         [
-            &json!({"azimuth_deg": 0.0, "elevation_deg": 0.0, "mask": false}),
-            &json!({"azimuth_deg": 90.0, "elevation_deg": 0.0, "mask": false}),
-            &json!({"azimuth_deg": 315.0, "elevation_deg": 0.0, "mask": true}),
+            &json!({"azimuth_deg": 0.0, "elevation_deg": 0.0, "mask": false, "truth": false}),
+            &json!({"azimuth_deg": 90.0, "elevation_deg": 0.0, "mask": false, "truth": false}),
+            &json!({"azimuth_deg": 315.0, "elevation_deg": 0.0, "mask": true, "truth": false}),
         ]
     );
 

@@ -2,6 +2,7 @@ use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use super::config::{Config, ConfigArgs};
 use super::draw::{self, DrawArgs};
+use super::evaluate::{self, EvaluateArgs};
 use super::failure::Failure;
 use super::reconstruct::{self, ReconstructArgs};
 use super::{serve, telemetry};
@@ -24,6 +25,8 @@ enum Command {
     Reconstruct(ReconstructArgs),
     /// Draw a model sheet from a 3D model, with its ground truth
     Draw(DrawArgs),
+    /// Measure the turntable method on sheets with ground truth
+    Evaluate(EvaluateArgs),
     /// Print the OpenAPI description of the service
     Openapi,
 }
@@ -37,6 +40,7 @@ pub fn run() -> Result<(), Failure> {
         Command::Worker(args) => serve::worker(&settings(args, &matches)?),
         Command::Reconstruct(args) => reconstruct::run(&args),
         Command::Draw(args) => draw::run(&args),
+        Command::Evaluate(args) => evaluate::run(&args),
         Command::Openapi => {
             println!("{:#}", crate::http::openapi());
             Ok(())

@@ -7,6 +7,7 @@ mod azimuths;
 mod cli;
 mod config;
 mod draw;
+mod evaluate;
 mod failure;
 mod reconstruct;
 mod serve;

@@ -5,6 +5,7 @@ mod decode;
 mod export;
 mod outbox;
 mod timing;
+mod truth;
 mod turntable;
 mod turntable_export;
 
@@ -23,7 +24,10 @@ use carrier::Carrier;
 use decode::decode_sheet;
 use export::Exporter;
 use timing::Timed;
+use truth::Truths;
 use turntable_export::TurntableExporter;
+
+pub use turntable::TurntableDraft;
 
 /// Why there is no draft.
 #[derive(Debug, thiserror::Error)]
@@ -111,7 +115,9 @@ pub fn produce(
     let pool = pool(threads)?;
     let timed = Timed::new(observer);
     let sheet = decode_sheet(document, &options, read, limits, &pool, &timed.decoding())?;
-    let run = Run { sheet: &sheet, options: &options, pool: &pool, threads, timed: &timed };
+    let truths = Truths::read(document, &sheet, read, limits, &pool, &timed.decoding())?;
+    let (truths, timed) = (truths.as_ref(), &timed);
+    let run = Run { sheet: &sheet, options: &options, truths, pool: &pool, threads, timed };
     thread::scope(|scope| {
         let carrier = Carrier::start(scope, emit);
         match options.method {
@@ -121,29 +127,48 @@ pub fn produce(
     })
 }
 
+/// What the method `turntable` finds, without artifacts; see [`produce`].
+///
+/// # Errors
+/// As [`produce`].
+pub fn turntable_draft(
+    document: &SheetDocument,
+    read: ReadImage<'_>,
+    limits: &ImageLimits,
+    threads: usize,
+    observer: &dyn Observer,
+) -> Result<TurntableDraft, DraftError> {
+    let options = options_of(document)?;
+    let pool = pool(threads)?;
+    let sheet = decode_sheet(document, &options, read, limits, &pool, observer)?;
+    turntable::compute(&sheet, document, &options, &pool, observer)
+}
+
 /// What both methods work from.
 struct Run<'a> {
     sheet: &'a Sheet,
     options: &'a Options,
+    truths: Option<&'a Truths<'a>>,
     pool: &'a ThreadPool,
     threads: usize,
     timed: &'a Timed<'a>,
 }
 
 fn uncalibrated(run: &Run<'_>, carrier: Carrier<'_>) -> Result<Summary, DraftError> {
-    let Run { sheet, options, pool, threads, timed } = *run;
+    let Run { sheet, options, truths, pool, threads, timed } = *run;
     let reconstruction = reconstruct(sheet, options, threads, &timed.reconstructing())?;
     timed.computed();
     let (width_px, height_px) =
         sheet.views().first().map_or((0, 0), |view| view.image.dimensions());
     let metrics = measure(&reconstruction, width_px, height_px);
     let exporting = timed.exporting();
+    let truth = export::against_truth(&reconstruction, truths, pool, &exporting)?;
     let mut exporter = Exporter::new(sheet, &reconstruction, options, pool, &exporting, carrier);
     exporter.views()?;
     exporter.pairs()?;
     exporter.cloud()?;
     exporter.mesh()?;
-    exporter.metrics(&metrics)?;
+    exporter.metrics(&metrics, truth.as_ref())?;
     Ok(Summary {
         views: sheet.views().len(),
         pairs: reconstruction.pairs.len(),
@@ -158,15 +183,16 @@ fn turntable(
     document: &SheetDocument,
     carrier: Carrier<'_>,
 ) -> Result<Summary, DraftError> {
-    let Run { sheet, options, pool, threads, timed } = *run;
+    let Run { sheet, options, truths, pool, threads, timed } = *run;
     let draft = turntable::compute(sheet, document, options, pool, &timed.reconstructing())?;
     timed.computed();
     let metrics = turntable_export::measure(&draft, options);
     let exporting = timed.exporting();
+    let truth = turntable_export::against_truth(&draft, truths, pool, &exporting)?;
     let mut exporter = TurntableExporter::new(&draft, options, pool, &exporting, carrier)?;
     exporter.views()?;
     exporter.mesh()?;
-    exporter.metrics(&metrics)?;
+    exporter.metrics(&metrics, truth.as_ref())?;
     Ok(Summary {
         views: sheet.views().len(),
         pairs: 0,

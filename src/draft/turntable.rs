@@ -17,7 +17,7 @@ use crate::turntable::solid::{
 use crate::turntable::{View, ViewSet};
 
 /// What the method finds.
-pub(super) struct TurntableDraft {
+pub struct TurntableDraft {
     /// As registered, if asked for.
     pub views: ViewSet,
     /// Per view, in the order of `views`, as are all below.

@@ -57,6 +57,14 @@ impl<'a> Drawer<'a> {
         })
     }
 
+    /// What is true of the view at `azimuth`, without its drawing.
+    ///
+    /// # Errors
+    /// [`DrawError::TooComplex`] if the model's triangles cover each other too often.
+    pub fn truth_of_view(&self, azimuth: Azimuth) -> Result<GroundTruth, DrawError> {
+        ground_truth(self.model, &Camera::new(azimuth, &self.options), &self.options)
+    }
+
     /// Draws the view at `azimuth`.
     ///
     /// # Errors

@@ -1,0 +1,160 @@
+use std::fmt::Write;
+
+use serde::Serialize;
+use serde_json::Value;
+
+use super::sets::{Variant, ViewSet};
+use super::trial::{Trial, ViewTrial};
+
+/// The view whose depth stands for a sheet's.
+const QUARTER_DEG: f64 = 45.0;
+
+/// All trials, by view set, variant and sheet.
+#[derive(Serialize)]
+pub(super) struct Report {
+    version: &'static str,
+    options: Value,
+    runs: Vec<Run>,
+}
+
+/// A view set under one variant of the options.
+#[derive(Serialize)]
+struct Run {
+    set: &'static str,
+    azimuths_deg: &'static [f64],
+    variant: &'static str,
+    sheets: Vec<SheetTrial>,
+}
+
+#[derive(Serialize)]
+struct SheetTrial {
+    sheet: String,
+    #[serde(flatten)]
+    trial: Trial,
+}
+
+/// A figure of a trial, absent where it cannot be had.
+type Figure = fn(&Trial) -> Option<f64>;
+
+/// A table: what it shows, how many decimals, and the figure.
+const TABLES: &[(&str, usize, Figure)] = &[
+    ("Solid: intersection over union", 3, |t| t.solid.map(|s| s.iou)),
+    ("Solid: Chamfer-L1, % of the longest side", 2, |t| {
+        t.solid.map(|s| 100.0 * s.surface.chamfer_l1)
+    }),
+    ("Solid: F-score at 1 % of the longest side", 3, |t| t.solid.map(|s| s.surface.f_score)),
+    ("Outlines of the mesh: mean distance from the truth's, px, over views with truth", 2, |t| {
+        mean(t.views.iter().filter_map(|view| view.boundary_distance_px))
+    }),
+    ("Depth of view 45: correlation", 3, |t| quarter(t)?.depth.correlation),
+    ("Depth of view 45: bad2.0", 3, |t| Some(quarter(t)?.depth.bad2_px?.honest)),
+    ("Depth of view 45: bad2.0 of the best constant", 3, |t| {
+        Some(quarter(t)?.depth.bad2_px?.best_constant)
+    }),
+    ("Depth of all views with truth and near neighbours: correlation", 3, |t| {
+        mean(lined(t).filter_map(|view| view.depth.correlation))
+    }),
+    ("Depth of all views with truth and near neighbours: bad2.0", 3, |t| {
+        mean(lined(t).filter_map(|view| Some(view.depth.bad2_px?.honest)))
+    }),
+    ("Depth of all views with truth and near neighbours: bad2.0 of the best constant", 3, |t| {
+        mean(lined(t).filter_map(|view| Some(view.depth.bad2_px?.best_constant)))
+    }),
+    ("Depth of views without near neighbours: bad2.0", 3, |t| {
+        let far = t.views.iter().filter(|view| view.fallback.is_some());
+        mean(far.filter_map(|view| Some(view.depth.bad2_px?.honest)))
+    }),
+    ("Triangles", 0, |t| Some(t.mesh.as_ref()?.triangles as f64)),
+    ("Watertight and manifold (1 = yes)", 0, |t| {
+        Some(f64::from(u8::from(t.mesh.as_ref()?.watertight)))
+    }),
+    ("Time, s, decoding to mesh", 2, |t| t.mesh.as_ref().map(|_| t.seconds)),
+    ("Peak memory, MiB", 0, |t| t.mesh.as_ref().and(t.peak_memory_mib)),
+];
+
+fn quarter(trial: &Trial) -> Option<&ViewTrial> {
+    trial.views.iter().find(|view| view.azimuth_deg == QUARTER_DEG)
+}
+
+/// Views whose depth rests on lines.
+fn lined(trial: &Trial) -> impl Iterator<Item = &ViewTrial> {
+    trial.views.iter().filter(|view| view.fallback.is_none())
+}
+
+fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let values: Vec<f64> = values.collect();
+    (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+}
+
+impl Report {
+    pub fn new(options: &Value) -> Self {
+        let version = env!("CARGO_PKG_VERSION");
+        Self { version, options: options.clone(), runs: Vec::new() }
+    }
+
+    pub fn add(&mut self, set: &'static ViewSet, variant: &Variant, sheet: &str, trial: Trial) {
+        let trial = SheetTrial { sheet: sheet.to_owned(), trial };
+        let known = |run: &&mut Run| run.set == set.name && run.variant == variant.name;
+        match self.runs.iter_mut().find(known) {
+            Some(run) => run.sheets.push(trial),
+            None => self.runs.push(Run {
+                set: set.name,
+                azimuths_deg: set.azimuths_deg,
+                variant: variant.name,
+                sheets: vec![trial],
+            }),
+        }
+    }
+
+    /// One table a figure, one row a view set and variant, one column a sheet;
+    /// failures are told below.
+    pub fn markdown(&self) -> String {
+        let mut text = format!("# Evaluation\n\nturnaround {}\n", self.version);
+        for (title, decimals, figure) in TABLES {
+            let rows = self.runs.iter().filter_map(|run| run.row(*decimals, *figure));
+            let rows: Vec<String> = rows.collect();
+            if !rows.is_empty() {
+                let _ = write!(text, "\n## {title}\n\n{}{}", self.head(), rows.concat());
+            }
+        }
+        let failures: String = self.runs.iter().map(Run::failures).collect();
+        if !failures.is_empty() {
+            let _ = write!(text, "\n## Not run\n\n{failures}");
+        }
+        text
+    }
+
+    fn head(&self) -> String {
+        let sheets = self.runs.first().map(|run| run.sheets.as_slice()).unwrap_or_default();
+        let names: String = sheets.iter().map(|sheet| format!(" {} |", sheet.sheet)).collect();
+        format!("| views |{names} mean |\n|---|{}---|\n", "---|".repeat(sheets.len()))
+    }
+}
+
+impl Run {
+    fn row(&self, decimals: usize, figure: Figure) -> Option<String> {
+        let figures: Vec<_> = self.sheets.iter().map(|sheet| figure(&sheet.trial)).collect();
+        let mean = mean(figures.iter().flatten().copied())?;
+        let cell = |value: &Option<f64>| match value {
+            Some(value) => format!(" {value:.decimals$} |"),
+            None => " |".to_owned(),
+        };
+        let cells: String = figures.iter().map(cell).collect();
+        Some(format!("| {} |{cells} {mean:.decimals$} |\n", self.name()))
+    }
+
+    fn name(&self) -> String {
+        match self.variant {
+            "as chosen" => self.set.to_owned(),
+            variant => format!("{} ({variant})", self.set),
+        }
+    }
+
+    fn failures(&self) -> String {
+        let failed = self.sheets.iter().filter_map(|sheet| {
+            let failure = sheet.trial.failure.as_ref()?;
+            Some(format!("- {}, {}: {failure}\n", sheet.sheet, self.name()))
+        });
+        failed.collect()
+    }
+}

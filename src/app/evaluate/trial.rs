@@ -1,0 +1,250 @@
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use anyhow::{Context, Result, anyhow, bail};
+use serde::Serialize;
+use serde_json::Value;
+
+use super::contact;
+use super::sets::ViewSet;
+use crate::draft::{self, DraftError, TurntableDraft};
+use crate::draw::{DrawOptions, Drawer, PreparedModel};
+use crate::evaluation::{
+    SolidOptions, SolidReport, SolidTruth, ViewReport, ViewTruth, compare_silhouettes,
+    decode_truth, disparity_from_depth, evaluate_view, true_mask,
+};
+use crate::geometry::Mesh;
+use crate::model_io::{self, Model, ModelFormat};
+use crate::pipeline::{Observer, Progress};
+use crate::sheet::{Azimuth, ImageLimits, SheetDocument, ViewDocument};
+use crate::turntable::depth::{Fallback, ViewDepth};
+use crate::turntable::mesh::topology::check_manifold;
+
+/// A sheet with its truth.
+pub(super) struct SheetFolder {
+    path: PathBuf,
+    name: String,
+    document: SheetDocument,
+    limits: ImageLimits,
+    /// The true model in sheet pixels.
+    solid: Option<SolidTruth>,
+}
+
+/// What came of one view set on one sheet.
+#[derive(Serialize)]
+pub(super) struct Trial {
+    /// Views of the set that the sheet lacks, or why there is no draft.
+    pub failure: Option<String>,
+    /// Wall time from decoding to the mesh, seconds; no artifact is written.
+    pub seconds: f64,
+    /// The most memory the process had in use meanwhile, MiB; where the system
+    /// tells.
+    pub peak_memory_mib: Option<f64>,
+    pub solid: Option<SolidReport>,
+    pub mesh: Option<MeshFigures>,
+    /// The views that have truth.
+    pub views: Vec<ViewTrial>,
+    #[serde(skip)]
+    pub picture: Option<contact::Row>,
+}
+
+#[derive(Serialize)]
+pub(super) struct MeshFigures {
+    pub triangles: usize,
+    pub watertight: bool,
+}
+
+#[derive(Serialize)]
+pub(super) struct ViewTrial {
+    pub azimuth_deg: f64,
+    pub depth: ViewReport,
+    /// Why the depth does not rest on lines.
+    pub fallback: Option<Fallback>,
+    /// Mean distance between the mesh's outline and the truth's, px.
+    pub boundary_distance_px: Option<f64>,
+}
+
+impl SheetFolder {
+    pub fn open(path: &Path, limits: &ImageLimits) -> Result<Self> {
+        let text = path.join("sheet.json");
+        let text = fs::read(&text).with_context(|| text.display().to_string())?;
+        let document: SheetDocument = serde_json::from_slice(&text)
+            .with_context(|| format!("{} holds no sheet document", path.display()))?;
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let solid = solid_truth(path, &document).with_context(|| name.clone())?;
+        Ok(Self { path: path.to_owned(), name, document, limits: *limits, solid })
+    }
+
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Runs the method on the views of `set` and measures what comes out.
+    pub fn try_out(&self, set: &ViewSet, options: Value, threads: usize) -> Result<Trial> {
+        let mut document = SheetDocument { options: Some(options), ..self.document.clone() };
+        document.views = match self.views(set) {
+            Ok(views) => views,
+            Err(failure) => return Ok(Trial::failed(failure)),
+        };
+        let read = |name: &str| fs::read(self.path.join(name));
+        forget_peak_memory();
+        let begin = Instant::now();
+        let draft = draft::turntable_draft(&document, &read, &self.limits, threads, &Silent);
+        let seconds = begin.elapsed().as_secs_f64();
+        let draft = match draft {
+            Ok(draft) => draft,
+            Err(DraftError::Input { code, detail }) => {
+                return Ok(Trial::failed(format!("{code}: {detail}")));
+            }
+            Err(error) => bail!(error),
+        };
+        let mut trial = Trial { seconds, peak_memory_mib: peak_memory_mib(), ..Trial::default() };
+        self.measure(set, &draft, &mut trial)?;
+        Ok(trial)
+    }
+
+    fn views(&self, set: &ViewSet) -> Result<Vec<ViewDocument>, String> {
+        let found = set.azimuths_deg.iter().map(|&wanted| {
+            let wanted = Azimuth::from_degrees(wanted);
+            let is_it = |view: &&ViewDocument| Azimuth::from_degrees(view.azimuth_deg) == wanted;
+            self.document.views.iter().find(is_it).cloned()
+        });
+        let found: Vec<_> = found.flatten().collect();
+        if found.len() == set.azimuths_deg.len() {
+            return Ok(found);
+        }
+        Err(format!("has {} of the {} views", found.len(), set.azimuths_deg.len()))
+    }
+
+    fn measure(&self, set: &ViewSet, draft: &TurntableDraft, trial: &mut Trial) -> Result<()> {
+        let mesh = &draft.solid.mesh;
+        trial.mesh = Some(MeshFigures {
+            triangles: mesh.triangles.len(),
+            watertight: check_manifold(mesh).is_ok(),
+        });
+        if let Some(truth) = self.solid.as_ref().filter(|_| set.judges_solid) {
+            trial.solid = Some(truth.evaluate(mesh)?);
+        }
+        let outlines = Outlines::of(mesh, draft)?;
+        for depth in &draft.depths {
+            let Some(truth) = self.view_truth(depth.azimuth)? else { continue };
+            let mask = outlines.mask(depth.azimuth)?;
+            let outline = compare_silhouettes(&mask, &true_mask(&truth))?;
+            let ours = disparity_from_depth(&depth.depth_px);
+            trial.views.push(ViewTrial {
+                azimuth_deg: depth.azimuth.degrees(),
+                depth: evaluate_view(&ours, &truth)?,
+                fallback: depth.fallback,
+                boundary_distance_px: outline.mean_boundary_distance_px,
+            });
+            if set.shown_deg == Some(depth.azimuth.degrees()) {
+                trial.picture = Some(self.picture(draft, depth, truth));
+            }
+        }
+        Ok(())
+    }
+
+    fn picture(&self, draft: &TurntableDraft, depth: &ViewDepth, truth: ViewTruth) -> contact::Row {
+        let drawing = draft.views.views().iter().find(|view| view.azimuth == depth.azimuth);
+        contact::Row {
+            sheet: self.name.clone(),
+            drawing: drawing.map(|view| view.image.clone()).unwrap_or_default(),
+            truth: match truth {
+                ViewTruth::Metric(map) | ViewTruth::Relative(map) => map,
+            },
+            ours: disparity_from_depth(&depth.depth_px),
+        }
+    }
+
+    fn view_truth(&self, azimuth: Azimuth) -> Result<Option<ViewTruth>> {
+        let mut views = self.document.views.iter();
+        let view = views.find(|view| Azimuth::from_degrees(view.azimuth_deg) == Ok(azimuth));
+        let Some((kind, name)) = view.and_then(ViewDocument::truth) else { return Ok(None) };
+        let raw = fs::read(self.path.join(name))
+            .map_err(anyhow::Error::from)
+            .and_then(|bytes| Ok(decode_truth(&bytes, &self.limits)?));
+        let raw = raw.with_context(|| format!("{}: {name}", self.name))?;
+        Ok(Some(raw.of_sheet(kind, &self.document)))
+    }
+}
+
+impl Default for Trial {
+    fn default() -> Self {
+        Self {
+            failure: None,
+            seconds: 0.0,
+            peak_memory_mib: None,
+            solid: None,
+            mesh: None,
+            views: Vec::new(),
+            picture: None,
+        }
+    }
+}
+
+impl Trial {
+    fn failed(failure: String) -> Self {
+        Self { failure: Some(failure), ..Self::default() }
+    }
+}
+
+fn solid_truth(path: &Path, document: &SheetDocument) -> Result<Option<SolidTruth>> {
+    let Some(truth) = &document.truth else { return Ok(None) };
+    let Some(name) = &truth.model else { return Ok(None) };
+    let format = ModelFormat::from_file_name(name)
+        .ok_or_else(|| anyhow!("{name} is of no format that can be read"))?;
+    let bytes = fs::read(path.join(name)).with_context(|| name.clone())?;
+    let model = model_io::load(&bytes, format, truth.model_up_axis, &model_io::Limits::default())?;
+    let scale = document.pixels_per_unit.context("sheet.json gives no pixels_per_unit")?;
+    let mut mesh = model.mesh;
+    mesh.positions.iter_mut().for_each(|p| *p *= scale);
+    Ok(Some(SolidTruth::new(&mesh, SolidOptions::default())?))
+}
+
+/// Draws the mesh's silhouettes.
+struct Outlines {
+    model: PreparedModel,
+    options: DrawOptions,
+}
+
+impl Outlines {
+    /// In units of the picture's width: the camera stays outside of the mesh.
+    fn of(mesh: &Mesh, draft: &TurntableDraft) -> Result<Self> {
+        let (width_px, height_px) = (draft.views.width(), draft.views.height());
+        let unit = f64::from(width_px.max(height_px));
+        let mut mesh = mesh.clone();
+        mesh.positions.iter_mut().for_each(|p| *p /= unit);
+        let materials = vec![0; mesh.triangles.len()];
+        let model = PreparedModel::new(&Model { mesh, materials, corner_normals: None })?;
+        let scale = f64::from(width_px) / unit;
+        let options = DrawOptions { width_px, height_px, scale, ..DrawOptions::default() };
+        Ok(Self { model, options })
+    }
+
+    fn mask(&self, azimuth: Azimuth) -> Result<image::GrayImage> {
+        Ok(Drawer::new(&self.model, &self.options)?.truth_of_view(azimuth)?.mask)
+    }
+}
+
+struct Silent;
+
+impl Observer for Silent {
+    fn progress(&self, _: Progress) {}
+
+    fn is_cancelled(&self) -> bool {
+        false
+    }
+}
+
+/// Lets the system count the most memory in use anew, where it can.
+fn forget_peak_memory() {
+    let _ = fs::write("/proc/self/clear_refs", "5");
+}
+
+fn peak_memory_mib() -> Option<f64> {
+    let status = fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let kib: f64 = line.trim().trim_end_matches("kB").trim().parse().ok()?;
+    Some(kib / 1024.0)
+}
