@@ -18,11 +18,37 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("export", &["float_image", "geometry", "options", "pipeline", "sheet", "turntable", "vision"]),
     ("model_io", &["geometry"]),
     ("models", &["geometry", "model_io"]),
-    ("draw", &["float_image", "geometry", "model_io", "models", "sheet"]),
+    ("draw", &["export", "float_image", "geometry", "model_io", "models", "options", "sheet"]),
     ("evaluation", &["float_image", "geometry", "sheet"]),
     ("draft", &["float_image", "export", "geometry", "options", "pipeline", "sheet", "turntable"]),
-    ("worker", &["artifacts", "draft", "export", "jobs", "options", "pipeline", "sheet"]),
-    ("http", &["artifacts", "draft", "jobs", "options", "pipeline", "sheet"]),
+    (
+        "worker",
+        &[
+            "artifacts",
+            "draft",
+            "draw",
+            "export",
+            "jobs",
+            "model_io",
+            "options",
+            "pipeline",
+            "sheet",
+        ],
+    ),
+    (
+        "http",
+        &[
+            "artifacts",
+            "draft",
+            "draw",
+            "jobs",
+            "model_io",
+            "models",
+            "options",
+            "pipeline",
+            "sheet",
+        ],
+    ),
 ];
 
 /// Modules that compute and do nothing else.
