@@ -49,17 +49,23 @@ impl Decoders {
         bytes: Bytes,
         limits: ImageLimits,
     ) -> Result<Decoded, Problem> {
+        let decoded = self.run(move || decode(&bytes, &limits)).await?;
+        decoded.map_err(|error| image_problem(part, &error))
+    }
+
+    /// Runs `decode` on a blocking thread, once there is a slot for it.
+    pub async fn run<T: Send + 'static>(
+        &self,
+        decode: impl FnOnce() -> T + Send + 'static,
+    ) -> Result<T, Problem> {
         let slot = self.slots.clone().acquire_owned().await;
         let decoded = tokio::task::spawn_blocking(move || {
             // Held here, so that an upload given up does not free the slot
-            // while its picture is still being decoded.
+            // while it is still being decoded.
             let _slot = slot;
-            decode(&bytes, &limits)
+            decode()
         });
-        match decoded.await {
-            Ok(result) => result.map_err(|error| image_problem(part, &error)),
-            Err(error) => Err(Problem::internal("decoding a picture", &error)),
-        }
+        decoded.await.map_err(|error| Problem::internal("decoding an upload", &error))
     }
 }
 
