@@ -30,7 +30,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ),
     ("model_io", &["geometry"]),
     ("models", &["geometry", "model_io"]),
-    ("draw", &["float_image", "geometry", "model_io", "models", "sheet"]),
+    ("draw", &["export", "float_image", "geometry", "model_io", "models", "options", "sheet"]),
     ("evaluation", &["float_image", "geometry", "sheet"]),
     (
         "draft",
@@ -46,10 +46,35 @@ const MAY_USE: &[(&str, &[&str])] = &[
             "turntable",
         ],
     ),
-    ("worker", &["artifacts", "draft", "export", "jobs", "options", "pipeline", "sheet"]),
+    (
+        "worker",
+        &[
+            "artifacts",
+            "draft",
+            "draw",
+            "export",
+            "jobs",
+            "model_io",
+            "models",
+            "options",
+            "pipeline",
+            "sheet",
+        ],
+    ),
     (
         "http",
-        &["artifacts", "draft", "evaluation", "jobs", "model_io", "options", "pipeline", "sheet"],
+        &[
+            "artifacts",
+            "draft",
+            "draw",
+            "evaluation",
+            "jobs",
+            "model_io",
+            "models",
+            "options",
+            "pipeline",
+            "sheet",
+        ],
     ),
 ];
 

@@ -6,14 +6,15 @@ use std::str::FromStr;
 use anyhow::{Context, Result, anyhow};
 use clap::Args;
 use indicatif::ProgressBar;
-use serde_json::{Value, json};
+use serde_json::json;
 
-use super::azimuths::Azimuths;
 use super::failure::Failure;
-use crate::draw::{Artifact, DrawOptions, PreparedModel, draw_sheet};
+use crate::draw::{DrawError, DrawOptions, PreparedModel, SheetLimits, draw_sheet};
+use crate::export::Artifact;
 use crate::model_io::{self, Limits, Model, ModelFormat, UpAxis};
 use crate::models::ProceduralModel;
 use crate::options;
+use crate::sheet::AzimuthList;
 
 #[derive(Args, Debug)]
 pub struct DrawArgs {
@@ -26,7 +27,7 @@ pub struct DrawArgs {
     output: PathBuf,
     /// Views, degrees: 0,45,90 or FROM:TO:STEP
     #[arg(long, value_name = "AZIMUTHS", default_value = "0:90:5")]
-    azimuths: Azimuths,
+    azimuths: AzimuthList,
     /// Which axis of the file points up, y or z; glTF has y, the others are read as z
     #[arg(long, value_name = "AXIS")]
     up_axis: Option<String>,
@@ -65,17 +66,24 @@ impl FromStr for Source {
 pub fn run(args: &DrawArgs) -> Result<(), Failure> {
     let options = chosen_options(args).map_err(Failure::Usage)?;
     let model = load(args).map_err(Failure::Input)?;
-    let prepared = PreparedModel::new(&model).map_err(|error| Failure::Input(error.into()))?;
+    let prepared = PreparedModel::new(&model)?;
     let bar = ProgressBar::new(args.azimuths.0.len() as u64);
     let progress = |done: usize| {
         bar.set_position(done as u64);
         ControlFlow::Continue(())
     };
-    let files = draw_sheet(&prepared, &args.azimuths.0, &options, &progress)
-        .map_err(|error| Failure::Input(error.into()))?;
+    let mut files = 0;
+    let mut keep = |file: Artifact| {
+        files += 1;
+        write(&args.output, &file).map_err(Failure::Internal)
+    };
+    fs::create_dir_all(&args.output)
+        .with_context(|| args.output.display().to_string())
+        .map_err(Failure::Internal)?;
+    let (azimuths, limits) = (&args.azimuths.0, SheetLimits::default());
+    draw_sheet(&prepared, azimuths, &options, &limits, &progress, &mut keep)?;
     bar.finish_and_clear();
-    write(&args.output, &files).map_err(Failure::Internal)?;
-    println!("{} views: {} files in {}", args.azimuths.0.len(), files.len(), args.output.display());
+    println!("{} views: {files} files in {}", azimuths.len(), args.output.display());
     Ok(())
 }
 
@@ -114,20 +122,19 @@ fn chosen_options(args: &DrawArgs) -> Result<DrawOptions> {
             .with_context(|| format!("--set {setting}: not OPTION=VALUE"))?;
         options::merge(&mut chosen, options::nested(option.trim(), value.trim()));
     }
-    let chosen: DrawOptions = parse(chosen)?;
-    chosen.check()?;
-    Ok(chosen)
+    options::parse_set(&chosen).context("drawing options")
 }
 
-fn parse(chosen: Value) -> Result<DrawOptions> {
-    serde_path_to_error::deserialize(chosen).context("drawing options")
+fn write(folder: &Path, file: &Artifact) -> Result<()> {
+    let path = folder.join(&file.name);
+    fs::write(&path, &file.bytes).with_context(|| path.display().to_string())
 }
 
-fn write(folder: &Path, files: &[Artifact]) -> Result<()> {
-    fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
-    for file in files {
-        let path = folder.join(&file.name);
-        fs::write(&path, &file.bytes).with_context(|| path.display().to_string())?;
+impl From<DrawError> for Failure {
+    fn from(error: DrawError) -> Self {
+        match error {
+            DrawError::Encoding { .. } => Self::Internal(error.into()),
+            _ => Self::Input(error.into()),
+        }
     }
-    Ok(())
 }

@@ -3,7 +3,6 @@
 //! Nothing else in the crate knows the command line, the environment or the
 //! settings file.
 
-mod azimuths;
 mod cli;
 mod config;
 mod draw;

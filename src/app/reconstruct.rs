@@ -9,14 +9,13 @@ use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 
-use super::azimuths::Azimuths;
 use super::config::LimitConfig;
 use super::failure::Failure;
 use crate::draft::{self, DraftError, Summary};
 use crate::export::Artifact;
 use crate::options;
 use crate::pipeline::{Observer, Progress};
-use crate::sheet::{Azimuth, SheetDocument, ViewDocument};
+use crate::sheet::{Azimuth, AzimuthList, SheetDocument, ViewDocument};
 
 #[derive(Args, Debug)]
 pub struct ReconstructArgs {
@@ -34,7 +33,7 @@ pub struct ReconstructArgs {
     output: PathBuf,
     /// Use only these views, degrees: 0,45,90 or FROM:TO:STEP
     #[arg(long, value_name = "AZIMUTHS")]
-    azimuths: Option<Azimuths>,
+    azimuths: Option<AzimuthList>,
     /// How the sheet becomes a 3D draft; see GET /v1/options
     #[arg(long)]
     method: Option<String>,
@@ -86,7 +85,7 @@ fn document(args: &ReconstructArgs) -> Result<(SheetDocument, PathBuf)> {
         view.with_context(|| format!("--mask {mask}: there is no view at {azimuth}"))?.mask =
             Some(file);
     }
-    if let Some(Azimuths(wanted)) = &args.azimuths {
+    if let Some(AzimuthList(wanted)) = &args.azimuths {
         for azimuth in wanted {
             if !document.views.iter().any(|view| at(view, *azimuth)) {
                 bail!("--azimuths: the sheet has no view at {azimuth}");

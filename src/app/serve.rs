@@ -16,7 +16,7 @@ use super::failure::Failure;
 use crate::artifacts::ByteStore;
 use crate::http::{self, ApiState, HttpLimits, ServerTimeouts};
 use crate::jobs::{JobStore, SqliteStore, SystemClock};
-use crate::worker::jobs::Reconstruct;
+use crate::worker::jobs::{Draw, Reconstruct};
 use crate::worker::{Pool, Work, WorkerConfig};
 
 /// Runs the HTTP interface and the workers until SIGTERM or SIGINT.
@@ -101,8 +101,10 @@ impl Stores {
     }
 
     fn start_workers(&self, config: &Config, runtime: &Handle) -> Result<Pool> {
-        let works: Vec<Arc<dyn Work>> =
-            vec![Arc::new(Reconstruct { limits: config.limits.image() })];
+        let works: Vec<Arc<dyn Work>> = vec![
+            Arc::new(Reconstruct { limits: config.limits.image() }),
+            Arc::new(Draw { model: config.limits.model(), ..Draw::default() }),
+        ];
         let jobs = Arc::clone(&self.jobs);
         Pool::start(worker_config(&config.workers), jobs, self.bytes.clone(), works, runtime)
             .context("starting the workers")
@@ -127,6 +129,7 @@ fn worker_config(config: &WorkersConfig) -> WorkerConfig {
 fn http_limits(config: &LimitConfig) -> HttpLimits {
     HttpLimits {
         image: config.image(),
+        model: config.model(),
         max_body_bytes: config.max_body_mib << 20,
         max_views: config.max_views,
         ..HttpLimits::default()

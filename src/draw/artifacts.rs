@@ -4,16 +4,9 @@ use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{DynamicImage, ImageBuffer, Luma};
 
 use super::DrawError;
+use crate::export::{Artifact, PFM_MEDIA_TYPE};
 use crate::float_image::FloatImage;
 use crate::sheet::Azimuth;
-
-/// A file of a drawn sheet.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Artifact {
-    pub name: String,
-    pub media_type: &'static str,
-    pub bytes: Vec<u8>,
-}
 
 /// The files of a drawn sheet. Azimuths are written as the shortest decimal with three digits
 /// before the point: `view_000.png`, `view_022.5.png`.
@@ -70,7 +63,7 @@ impl ArtifactKind {
             | Self::Normals(_)
             | Self::Page => "image/png",
             Self::Strokes(_) => "image/svg+xml",
-            Self::DepthFloat(_) | Self::Disparity(..) => "application/octet-stream",
+            Self::DepthFloat(_) | Self::Disparity(..) => PFM_MEDIA_TYPE,
             Self::Sheet | Self::Degradation => "application/json",
             Self::Model => "model/obj",
         }

@@ -1,9 +1,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::DrawError;
 use super::degrade::Degradation;
-use super::options::in_range;
 
 /// Imperfections as in drawings by hand. A preset gives all values; any of them can be set alone.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -63,27 +61,6 @@ pub enum DegradePreset {
 impl DegradeOptions {
     pub fn preset(preset: DegradePreset, seed: u64) -> Self {
         Self { preset: Some(preset), seed, ..Self::default() }
-    }
-
-    pub(super) fn check(&self) -> Result<(), DrawError> {
-        let checks = [
-            ("degrade.wobble_rms_px", self.wobble_rms_px, 0.0, 20.0),
-            ("degrade.wobble_wavelength_px", self.wobble_wavelength_px, 4.0, 1000.0),
-            ("degrade.gap_share", self.gap_share, 0.0, 0.9),
-            ("degrade.width_min_px", self.width_min_px, 0.1, 32.0),
-            ("degrade.width_max_px", self.width_max_px, 0.1, 32.0),
-            ("degrade.pencil_lightness", self.pencil_lightness, 0.0, 0.9),
-            ("degrade.paper_texture", self.paper_texture, 0.0, 0.5),
-            ("degrade.scale_error", self.scale_error, 0.0, 0.2),
-            ("degrade.shift_px", self.shift_px, 0.0, 100.0),
-            ("degrade.azimuth_error_deg", self.azimuth_error_deg, 0.0, 20.0),
-            ("degrade.missing_interior", self.missing_interior, 0.0, 1.0),
-            ("degrade.jpeg_quality", self.jpeg_quality.map(f64::from), 0.0, 100.0),
-        ];
-        checks
-            .into_iter()
-            .filter_map(|(name, value, min, max)| Some((name, value?, min, max)))
-            .try_for_each(|(name, value, min, max)| in_range(name, value, min, max))
     }
 
     /// The values that apply; `None` if the drawing stays as it is.

@@ -1,3 +1,5 @@
+use crate::options::OptionProblems;
+
 /// Why a model cannot be drawn as asked.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum DrawError {
@@ -5,10 +7,12 @@ pub enum DrawError {
     NoTriangles,
     #[error("triangle {triangle} has an index out of range or a coordinate that is not finite")]
     InvalidModel { triangle: usize },
-    #[error("{option} is {value}; it must be between {min} and {max}")]
-    OptionOutOfRange { option: &'static str, value: f64, min: f64, max: f64 },
-    #[error("size and supersampling ask for {found} samples; at most {limit} are computed")]
+    #[error(transparent)]
+    Options(#[from] OptionProblems),
+    #[error("size and supersampling ask for {found} samples a view; at most {limit} are computed")]
     TooManySamples { found: u64, limit: u64 },
+    #[error("the views have {found} pixels together; at most {limit} are drawn")]
+    TooManyPixels { found: u64, limit: u64 },
     #[error(
         "the model reaches {radius} units from the turntable axis, beyond the camera at \
          {distance}; scale it, move the camera back, or let it be fitted"
@@ -28,4 +32,24 @@ pub enum DrawError {
     Cancelled,
     #[error("{name} could not be encoded: {reason}")]
     Encoding { name: String, reason: String },
+}
+
+impl DrawError {
+    /// A stable name of the condition.
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::NoTriangles => "no_triangles",
+            Self::InvalidModel { .. } => "invalid_model",
+            Self::Options(_) => "invalid_options",
+            Self::TooManySamples { .. } => "too_many_samples",
+            Self::TooManyPixels { .. } => "too_many_pixels",
+            Self::CameraInsideModel { .. } => "camera_inside_model",
+            Self::TooComplex { .. } => "too_complex",
+            Self::NoViews => "no_views",
+            Self::TooManyViews { .. } => "too_many_views",
+            Self::DuplicateView { .. } => "duplicate_view",
+            Self::Cancelled => "cancelled",
+            Self::Encoding { .. } => "encoding",
+        }
+    }
 }

@@ -1,8 +1,11 @@
+use std::sync::LazyLock;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::DrawError;
 use super::degrade_options::DegradeOptions;
+use crate::options::{OptionProblem, OptionSet, Schema, check_set};
 
 /// How a model is drawn. The defaults are the dissertation's (METHOD.md, section 7).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -83,49 +86,35 @@ impl Default for DrawOptions {
     }
 }
 
-/// The finest picture that is computed, samples.
-const MAX_SAMPLES: u64 = 1 << 26;
-
 impl DrawOptions {
     pub fn pixels_per_unit(&self) -> f64 {
         f64::from(self.width_px) / self.scale
     }
 
+    /// Pixels of a view.
+    pub(super) fn pixels(&self) -> u64 {
+        u64::from(self.width_px) * u64::from(self.height_px)
+    }
+
     /// # Errors
-    /// [`DrawError::OptionOutOfRange`] for a number outside the range that its schema gives,
-    /// [`DrawError::TooManySamples`] if size and supersampling together ask for too much.
-    pub fn check(&self) -> Result<(), DrawError> {
-        let width = f64::from(self.width_px);
-        let height = f64::from(self.height_px);
-        in_range("width_px", width, 16.0, 8192.0)?;
-        in_range("height_px", height, 16.0, 8192.0)?;
-        in_range("scale", self.scale, 1e-6, 1e6)?;
-        in_range("distance", self.distance, 1e-6, 1e6)?;
-        in_range("elevation_deg", self.elevation_deg, -85.0, 85.0)?;
-        in_range("supersampling", f64::from(self.supersampling), 1.0, 4.0)?;
-        in_range("line_width_px", self.line_width_px, 0.1, 32.0)?;
-        in_range("crease_angle_deg", self.crease_angle_deg, 0.0, 180.0)?;
-        self.degrade.check()?;
-        let samples = u64::from(self.width_px)
-            * u64::from(self.height_px)
-            * u64::from(self.supersampling).pow(2);
-        if samples > MAX_SAMPLES {
-            return Err(DrawError::TooManySamples { found: samples, limit: MAX_SAMPLES });
-        }
-        Ok(())
+    /// [`DrawError::Options`] for what the schema does not accept,
+    /// [`DrawError::TooManySamples`] if size and supersampling together ask for more than `limit`.
+    pub(super) fn check(&self, limit: u64) -> Result<(), DrawError> {
+        check_set(self)?;
+        let found = self.pixels() * u64::from(self.supersampling).pow(2);
+        (found <= limit).then_some(()).ok_or(DrawError::TooManySamples { found, limit })
     }
 }
 
-pub(super) fn in_range(
-    option: &'static str,
-    value: f64,
-    min: f64,
-    max: f64,
-) -> Result<(), DrawError> {
-    // NaN is in no range.
-    if (min..=max).contains(&value) {
-        Ok(())
-    } else {
-        Err(DrawError::OptionOutOfRange { option, value, min, max })
+impl OptionSet for DrawOptions {
+    const LISTED_AT: &'static str = "/v1/sheet-options";
+
+    fn schema() -> &'static Schema {
+        static SCHEMA: LazyLock<Schema> = LazyLock::new(Schema::of::<DrawOptions>);
+        &SCHEMA
+    }
+
+    fn conflicts(&self) -> Vec<OptionProblem> {
+        Vec::new()
     }
 }

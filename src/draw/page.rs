@@ -3,7 +3,7 @@ use nalgebra::Point2;
 
 use super::ink::ink_coverage;
 use super::lettering::lettering;
-use super::{DrawError, DrawOptions, Stroke};
+use super::{DrawOptions, Stroke};
 use crate::sheet::Azimuth;
 
 /// A view as it goes on the page.
@@ -34,28 +34,19 @@ impl InkBounds {
 }
 
 const MAX_COLUMNS: usize = 8;
-/// The largest page that is composed.
-const MAX_PAGE_PIXELS: u64 = 1 << 27;
 
 /// Puts the views side by side at the same scale and on the same ground, with their angles below;
 /// more than eight go on several rows.
 ///
-/// # Errors
-/// [`DrawError::TooManySamples`] if the page would be too large.
-pub(super) fn compose_page(
-    views: &[PageView],
-    options: &DrawOptions,
-) -> Result<GrayImage, DrawError> {
+/// With labels and what stays empty of the last row, the page has at most four times the pixels
+/// of the views.
+pub(super) fn compose_page(views: &[&PageView], options: &DrawOptions) -> GrayImage {
     let window = Window::around(views, options);
     let letter_px = (f64::from(options.height_px) / 30.0).clamp(8.0, 48.0);
     let label_px = (2.5 * letter_px) as u32;
     let columns = views.len().clamp(1, MAX_COLUMNS) as u32;
     let rows = (views.len() as u32).div_ceil(columns);
     let (width, height) = (columns * window.width, rows * (window.height + label_px));
-    let pixels = u64::from(width) * u64::from(height);
-    if pixels > MAX_PAGE_PIXELS {
-        return Err(DrawError::TooManySamples { found: pixels, limit: MAX_PAGE_PIXELS });
-    }
     let mut page = GrayImage::from_pixel(width, height, Luma([255]));
     let mut labels = Vec::new();
     for (index, view) in views.iter().enumerate() {
@@ -73,7 +64,7 @@ pub(super) fn compose_page(
     for (pixel, ink) in page.pixels_mut().zip(ink.pixels()) {
         pixel.0[0] = pixel.0[0].min(255 - ink.0[0]);
     }
-    Ok(page)
+    page
 }
 
 /// The part of the views that the page shows: the same in all, so that scale and ground agree.
@@ -85,7 +76,7 @@ struct Window {
 }
 
 impl Window {
-    fn around(views: &[PageView], options: &DrawOptions) -> Self {
+    fn around(views: &[&PageView], options: &DrawOptions) -> Self {
         let margin = f64::from(options.height_px) / 40.0 + options.line_width_px;
         let bounds = views.iter().filter_map(|view| view.ink);
         let union = bounds.reduce(|a, b| InkBounds {

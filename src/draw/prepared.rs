@@ -1,7 +1,9 @@
+use std::borrow::Cow;
+
 use nalgebra::{Point3, Vector3};
 
-use super::DrawError;
 use super::bvh::TriangleTree;
+use super::{DrawError, DrawOptions};
 use crate::geometry::Mesh;
 use crate::model_io::Model;
 
@@ -123,32 +125,45 @@ impl PreparedModel {
         &self.mesh
     }
 
-    /// Centres the model's bounding box on the origin and scales it so that no view leaves the
-    /// middle `share` of a frame of `width` × `height` units, whatever the azimuth.
-    #[must_use]
-    pub fn fitted(&self, width: f64, height: f64, elevation_deg: f64, share: f64) -> Self {
-        let mut fitted = self.clone();
-        let Some((low, high)) = self.used_bounds() else {
-            return fitted;
+    /// The model as it is drawn: with the option `fit`, its bounding box is centred on the origin
+    /// and scaled so that no view leaves the frame, whatever the azimuth.
+    pub(super) fn placed(&self, options: &DrawOptions) -> Cow<'_, Self> {
+        let Some((centre, scale)) = self.fit(options) else {
+            return Cow::Borrowed(self);
         };
+        let mut placed = self.clone();
+        for p in &mut placed.mesh.positions {
+            *p = Point3::from((p.coords - centre) * scale);
+        }
+        placed.radius = self.placed_radius(options);
+        Cow::Owned(placed)
+    }
+
+    /// The largest distance of a vertex of [`Self::placed`] from the origin.
+    pub(super) fn placed_radius(&self, options: &DrawOptions) -> f64 {
+        let Some((centre, scale)) = self.fit(options) else {
+            return self.radius;
+        };
+        let used = self.mesh.triangles.iter().flatten();
+        let radii =
+            used.map(|&v| ((self.mesh.positions[v as usize].coords - centre) * scale).norm());
+        radii.fold(0.0, f64::max)
+    }
+
+    /// The point that is moved to the origin, and the factor; `None` if the model stays as it is.
+    fn fit(&self, options: &DrawOptions) -> Option<(Vector3<f64>, f64)> {
+        let (low, high) = self.used_bounds().filter(|_| options.fit)?;
         let centre = nalgebra::center(&low, &high).coords;
         let (mut reach, mut rise) = (0.0_f64, 0.0_f64);
-        let (sin, cos) = elevation_deg.to_radians().sin_cos();
+        let (sin, cos) = options.elevation_deg.to_radians().sin_cos();
         for &vertex in self.mesh.triangles.iter().flatten() {
             let p = self.mesh.positions[vertex as usize].coords - centre;
             reach = reach.max(p.xy().norm());
             rise = rise.max(p.z.abs() * cos + p.xy().norm() * sin.abs());
         }
-        let scale = share * (width / (2.0 * reach)).min(height / (2.0 * rise));
-        for p in &mut fitted.mesh.positions {
-            *p = Point3::from((p.coords - centre) * scale);
-        }
-        fitted.radius = 0.0;
-        for &vertex in self.mesh.triangles.iter().flatten() {
-            let norm = fitted.mesh.positions[vertex as usize].coords.norm();
-            fitted.radius = fitted.radius.max(norm);
-        }
-        fitted
+        let height = f64::from(options.height_px) / options.pixels_per_unit();
+        let scale = (options.scale / (2.0 * reach)).min(height / (2.0 * rise));
+        Some((centre, FITTED_SHARE * scale))
     }
 
     fn used_bounds(&self) -> Option<(Point3<f64>, Point3<f64>)> {
@@ -176,5 +191,7 @@ fn check(model: &Model) -> Result<(), DrawError> {
     Ok(())
 }
 
+/// Share of the frame that a fitted model takes.
+const FITTED_SHARE: f64 = 0.94;
 /// Products of three coordinates must stay in the range of f64.
 const MAX_COORDINATE: f64 = 1e60;

@@ -4,84 +4,84 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use image::DynamicImage;
 use rayon::prelude::*;
 
-use super::artifacts::{Artifact, ArtifactKind, depth_counts};
+use super::artifacts::{ArtifactKind, depth_counts};
 use super::documents::{DegradationDocument, SheetDocument};
 use super::page::{InkBounds, PageView, compose_page};
 use super::svg::svg;
 use super::truth::{disparity_towards, normalised_inverse_depth};
-use super::{DrawError, DrawOptions, Drawer, DrawnView, PreparedModel, ViewError};
+use super::view::check_camera;
+use super::{DrawError, DrawOptions, Drawer, DrawnView, PreparedModel, SheetLimits, ViewError};
+use crate::export::Artifact;
 use crate::float_image::encode_pfm;
 use crate::sheet::Azimuth;
 
-/// Views of one sheet.
-const MAX_VIEWS: usize = 360;
-/// Pixels of all views of one sheet.
-const MAX_SHEET_PIXELS: u64 = 1 << 28;
 /// Views farther apart are no neighbours, degrees.
 const MAX_PAIR_ANGLE_DEG: f64 = 30.0;
 /// Depth images count in fractions of a unit; finer ones would not fit 16 bits.
 const DEPTH_COUNTS_PER_UNIT: f64 = 4096.0;
-/// Share of the frame that a fitted model takes.
-const FITTED_SHARE: f64 = 0.94;
+/// Pixels of the views whose files are in memory at a time, unless threads need more.
+const PIXELS_AT_A_TIME: u64 = 1 << 23;
 
-/// Draws all views and gives the files of the sheet, views by azimuth, the sheet's own last.
+/// Draws all views and hands over the files of the sheet as they are made: views by azimuth, the
+/// sheet's own last.
 ///
 /// Views are drawn in parallel; the files do not depend on how many at a time.
 ///
 /// * `progress`: called after each view with the number of views done, from any thread; breaking
 ///   cancels before the next view.
+/// * `emit`: takes each file; its error ends the drawing.
 ///
 /// # Errors
-/// [`DrawError`] if an option or the list of azimuths is unusable, the model does not fit the
-/// camera, or the drawing was cancelled.
-pub fn draw_sheet(
+/// What [`check_sheet`] finds, [`DrawError::TooComplex`], [`DrawError::Cancelled`], or an error of
+/// `emit`.
+pub fn draw_sheet<E: From<DrawError>>(
     model: &PreparedModel,
     azimuths: &[Azimuth],
     options: &DrawOptions,
+    limits: &SheetLimits,
     progress: &(dyn Fn(usize) -> ControlFlow<()> + Sync),
-) -> Result<Vec<Artifact>, DrawError> {
-    options.check()?;
-    let azimuths = ordered(azimuths, options)?;
-    let fitted = options.fit.then(|| {
-        let height = f64::from(options.height_px) / options.pixels_per_unit();
-        model.fitted(options.scale, height, options.elevation_deg, FITTED_SHARE)
-    });
-    let model = fitted.as_ref().unwrap_or(model);
-    let drawer = Drawer::new(model, options)?;
-    let depth_scale = depth_counts_per_unit(model, options);
+    emit: &mut (dyn FnMut(Artifact) -> Result<(), E> + Send),
+) -> Result<(), E> {
+    let azimuths = limits.check(azimuths, options)?;
+    let model = model.placed(options);
+    let drawer = Drawer::new(&model, options)?;
+    let depth_scale = depth_counts_per_unit(&model, options);
     let gate = Gate::new(progress);
-    let views: Vec<ViewFiles> = (0..azimuths.len())
-        .into_par_iter()
-        .map(|index| {
-            gate.check()?;
-            let view = drawer.draw_view(azimuths[index])?;
-            let files = view_files(&view, &neighbours(&azimuths, index), options, depth_scale)?;
-            gate.done();
-            Ok(files)
-        })
-        .collect::<Result<_, DrawError>>()?;
-    finished_sheet(views, model, options, depth_scale)
+    let draw = |index: usize| {
+        gate.check()?;
+        let view = drawer.draw_view(azimuths[index])?;
+        let files = view_files(&view, &neighbours(&azimuths, index), options, depth_scale)?;
+        gate.done();
+        Ok(files)
+    };
+    let at_a_time = (PIXELS_AT_A_TIME / options.pixels()) as usize;
+    let at_a_time = at_a_time.max(rayon::current_num_threads());
+    let indices: Vec<usize> = (0..azimuths.len()).collect();
+    let mut views = Vec::with_capacity(azimuths.len());
+    for indices in indices.chunks(at_a_time) {
+        let drawn: Vec<ViewFiles> =
+            indices.par_iter().map(|&index| draw(index)).collect::<Result<_, DrawError>>()?;
+        for view in drawn {
+            view.files.into_iter().try_for_each(&mut *emit)?;
+            views.push(view.summary);
+        }
+    }
+    finished_sheet(&views, &model, options, depth_scale)?.into_iter().try_for_each(emit)
 }
 
-/// Ascending, each once, not too many.
-fn ordered(azimuths: &[Azimuth], options: &DrawOptions) -> Result<Vec<Azimuth>, DrawError> {
-    let mut azimuths = azimuths.to_vec();
-    azimuths.sort_unstable();
-    if azimuths.is_empty() {
-        return Err(DrawError::NoViews);
-    }
-    if azimuths.len() > MAX_VIEWS {
-        return Err(DrawError::TooManyViews { found: azimuths.len(), limit: MAX_VIEWS });
-    }
-    if let Some(pair) = azimuths.windows(2).find(|pair| pair[0] == pair[1]) {
-        return Err(DrawError::DuplicateView { azimuth_deg: pair[0].degrees() });
-    }
-    let view = u64::from(options.width_px) * u64::from(options.height_px);
-    let found = view * azimuths.len() as u64;
-    if found > MAX_SHEET_PIXELS {
-        return Err(DrawError::TooManySamples { found, limit: MAX_SHEET_PIXELS });
-    }
-    Ok(azimuths)
+/// Checks everything that can be known before drawing.
+///
+/// # Errors
+/// [`DrawError`] if an option or the list of azimuths is unusable, the sheet is over a limit, or
+/// the model does not fit the camera.
+pub fn check_sheet(
+    model: &PreparedModel,
+    azimuths: &[Azimuth],
+    options: &DrawOptions,
+    limits: &SheetLimits,
+) -> Result<(), DrawError> {
+    limits.check(azimuths, options)?;
+    check_camera(model.placed_radius(options), options)
 }
 
 /// The views before and after one, across 0 too, where they are near enough; each with the signed
@@ -138,9 +138,13 @@ impl<'a> Gate<'a> {
     }
 }
 
-/// What is left of a view when its files are written.
 struct ViewFiles {
     files: Vec<Artifact>,
+    summary: ViewSummary,
+}
+
+/// What the sheet's own files need of a view.
+struct ViewSummary {
     page_view: PageView,
     error: Option<ViewError>,
 }
@@ -169,15 +173,9 @@ fn view_files(
         let disparity = disparity_towards(&truth.depth, &view.camera, options, angle_deg);
         files.push(ArtifactKind::Disparity(azimuth, other).with(encode_pfm(&disparity)));
     }
-    Ok(ViewFiles {
-        files,
-        page_view: PageView {
-            azimuth,
-            image: on_white(&view.image),
-            ink: InkBounds::of(&view.strokes),
-        },
-        error: view.error,
-    })
+    let page_view =
+        PageView { azimuth, image: on_white(&view.image), ink: InkBounds::of(&view.strokes) };
+    Ok(ViewFiles { files, summary: ViewSummary { page_view, error: view.error } })
 }
 
 /// The page is white, whatever is behind the views.
@@ -193,26 +191,23 @@ fn on_white(image: &DynamicImage) -> image::GrayImage {
 }
 
 fn finished_sheet(
-    views: Vec<ViewFiles>,
+    views: &[ViewSummary],
     model: &PreparedModel,
     options: &DrawOptions,
     depth_scale: f64,
 ) -> Result<Vec<Artifact>, DrawError> {
     let azimuths: Vec<_> = views.iter().map(|view| view.page_view.azimuth).collect();
-    let document = SheetDocument::new(&azimuths, options, depth_scale);
     let errors = views.iter().filter_map(|view| Some((view.page_view.azimuth, view.error?)));
-    let degradation = DegradationDocument::new(errors, options);
-    let (mut artifacts, mut page_views) = (Vec::new(), Vec::new());
-    for view in views {
-        artifacts.extend(view.files);
-        page_views.push(view.page_view);
-    }
-    let page = compose_page(&page_views, options)?;
-    artifacts.push(ArtifactKind::Page.with_image(&DynamicImage::ImageLuma8(page))?);
-    artifacts.push(ArtifactKind::Model.with(super::obj::obj(model).into_bytes()));
-    if let Some(degradation) = degradation {
+    let page_views: Vec<_> = views.iter().map(|view| &view.page_view).collect();
+    let page = compose_page(&page_views, options);
+    let mut artifacts = vec![
+        ArtifactKind::Page.with_image(&DynamicImage::ImageLuma8(page))?,
+        ArtifactKind::Model.with(super::obj::obj(model).into_bytes()),
+    ];
+    if let Some(degradation) = DegradationDocument::new(errors, options) {
         artifacts.push(ArtifactKind::Degradation.with_json(&degradation)?);
     }
+    let document = SheetDocument::new(&azimuths, options, depth_scale);
     artifacts.push(ArtifactKind::Sheet.with_json(&document)?);
     Ok(artifacts)
 }

@@ -12,7 +12,7 @@ use super::ink::ink_coverage;
 use super::rules::LineRules;
 use super::truth::{GroundTruth, ground_truth};
 use super::visibility::Visibility;
-use super::{Background, DrawError, DrawOptions, PreparedModel};
+use super::{Background, DrawError, DrawOptions, PreparedModel, SheetLimits};
 use crate::sheet::Azimuth;
 
 /// One view of a model, with what is true of it.
@@ -43,11 +43,8 @@ impl<'a> Drawer<'a> {
     /// # Errors
     /// [`DrawError`] if an option is out of range or the camera would be inside the model.
     pub fn new(model: &'a PreparedModel, options: &DrawOptions) -> Result<Self, DrawError> {
-        options.check()?;
-        let distance = options.distance / options.elevation_deg.to_radians().cos();
-        if model.radius >= distance {
-            return Err(DrawError::CameraInsideModel { radius: model.radius, distance });
-        }
+        options.check(SheetLimits::default().max_view_samples)?;
+        check_camera(model.radius, options)?;
         Ok(Self {
             model,
             tree: model.triangle_tree(),
@@ -135,6 +132,15 @@ fn piece_ends(
         (if from == 0.0 { first } else { emergence(0) }, at(from)),
         (if to == 1.0 { last } else { emergence(1) }, at(to)),
     ]
+}
+
+/// * `radius`: the largest distance of the model from the origin, units.
+pub(super) fn check_camera(radius: f64, options: &DrawOptions) -> Result<(), DrawError> {
+    let distance = options.distance / options.elevation_deg.to_radians().cos();
+    if radius >= distance {
+        return Err(DrawError::CameraInsideModel { radius, distance });
+    }
+    Ok(())
 }
 
 fn on_background(ink: &GrayImage, background: Background) -> DynamicImage {

@@ -2,6 +2,9 @@ use std::fmt;
 
 use crate::sheet::Azimuth;
 
+/// The media type of float maps; none is registered, this is the usual one.
+pub const PFM_MEDIA_TYPE: &str = "image/x-portable-floatmap";
+
 /// Which file of a view.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum ViewArtifact {
@@ -58,7 +61,7 @@ impl ArtifactName {
             Self::View(_, DisparityPng | DepthPng | NormalsPng | SilhouettePng)
             | Self::Pair(_, _, PairArtifact::MatchesPng | PairArtifact::RectifiedPng)
             | Self::Thumbnail => "image/png",
-            Self::View(_, DisparityPfm | DepthPfm) => "image/x-portable-floatmap",
+            Self::View(_, DisparityPfm | DepthPfm) => PFM_MEDIA_TYPE,
             Self::Pair(_, _, PairArtifact::MatchesJson) | Self::Metrics | Self::Timings => {
                 "application/json"
             }
@@ -107,9 +110,9 @@ impl fmt::Display for ArtifactName {
 }
 
 /// A finished file.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Artifact {
-    /// [`ArtifactName`] as text.
+    /// Path below the job's artifacts.
     pub name: String,
     pub media_type: &'static str,
     pub bytes: Vec<u8>,

@@ -1,133 +1,58 @@
 use std::ops::Range;
-use std::sync::Arc;
 
 use axum::body::Body;
-use axum::extract::{Path, State};
+use axum::extract::Path;
+use axum::extract::rejection::PathRejection;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use axum::{Json, extract::rejection::PathRejection};
 use axum_extra::headers::{ETag, HeaderMapExt, IfRange};
 
 use super::Api;
 use super::conditional::{is_known, is_unwanted};
-use super::openapi::problem_responses;
-use super::problem::{
-    PRECONDITION_FAILED, Problem, RANGE_NOT_SATISFIABLE, UNAVAILABLE, UNKNOWN_ARTIFACT,
-    UNKNOWN_RECONSTRUCTION,
-};
+use super::problem::{PRECONDITION_FAILED, Problem, RANGE_NOT_SATISFIABLE, UNKNOWN_ARTIFACT};
 use super::range::{Selection, select};
-use super::reconstructions::{Id, JobProblems, version_of};
 use super::representation::{ArtifactList, ArtifactSummary};
+use super::resource::{Id, Resource, find, unless_known};
 use crate::artifacts::{ByteError, Key};
 use crate::jobs::{ArtifactEntry, Job, JobId};
 
-problem_responses! {
-    ArtifactProblems: UNKNOWN_RECONSTRUCTION, UNKNOWN_ARTIFACT, PRECONDITION_FAILED,
-        RANGE_NOT_SATISFIABLE, UNAVAILABLE
-}
+/// Id and artifact name in a path.
+pub type IdAndName = Result<Path<(String, String)>, PathRejection>;
 
-/// List the results of a reconstruction.
-#[utoipa::path(
-    get,
-    path = "/v1/reconstructions/{id}/artifacts",
-    operation_id = "artifacts",
-    tag = "artifacts",
-    params(("id" = String, Path, format = "uuid", description = "The reconstruction")),
-    responses(
-        (status = 200, description = "In order of publication; empty until it has succeeded",
-         body = ArtifactList, headers(("ETag" = String))),
-        (status = 304, description = "As in If-None-Match"),
-        JobProblems,
-    )
-)]
-pub async fn list(
-    State(api): State<Arc<Api>>,
-    Id(id): Id,
-    headers: HeaderMap,
+/// Answers what there is of a job.
+pub async fn list<R: Resource>(
+    api: &Api,
+    id: JobId,
+    headers: &HeaderMap,
 ) -> Result<Response, Problem> {
-    let job = api.state.store.get(id).await?;
-    let etag = version_of(&job);
-    let mut response = if is_known(&headers, &etag) {
-        StatusCode::NOT_MODIFIED.into_response()
-    } else {
-        let artifacts = job.artifacts.iter().map(|entry| ArtifactSummary::of(id, entry)).collect();
-        Json(ArtifactList { artifacts }).into_response()
-    };
-    response.headers_mut().typed_insert(etag);
-    Ok(response)
+    let job = find::<R>(api, id).await?;
+    let summary = |entry| ArtifactSummary::of::<R>(id, entry);
+    let artifacts = || ArtifactList { artifacts: job.artifacts.iter().map(summary).collect() };
+    Ok(unless_known(headers, &job, artifacts))
 }
 
-/// Get a result's bytes.
-///
-/// They never change: the ETag is the content's SHA-256. Takes byte ranges, If-Match,
-/// If-None-Match and If-Range.
-#[utoipa::path(
-    method(get, head),
-    path = "/v1/reconstructions/{id}/artifacts/{*name}",
-    operation_id = "artifact",
-    tag = "artifacts",
-    params(
-        ("id" = String, Path, format = "uuid", description = "The reconstruction"),
-        ("name" = String, Path, description = "Name from the list; may have slashes",
-         example = "views/45/disparity.png"),
-        ("Range" = Option<String>, Header, description = "One byte range", example = "bytes=0-1023"),
-    ),
-    responses(
-        (status = 200, description = "The bytes, in the media type of the list", body = Vec<u8>,
-         content_type = "application/octet-stream",
-         headers(("ETag" = String), ("Accept-Ranges" = String), ("Content-Disposition" = String))),
-        (status = 206, description = "The bytes of the range", body = Vec<u8>,
-         content_type = "application/octet-stream", headers(("Content-Range" = String))),
-        (status = 304, description = "As in If-None-Match"),
-        ArtifactProblems,
-    )
-)]
-pub async fn artifact(
-    State(api): State<Arc<Api>>,
-    path: Result<Path<(String, String)>, PathRejection>,
-    method: Method,
-    headers: HeaderMap,
+/// Answers the bytes of the artifact that the path names.
+pub async fn named<R: Resource>(
+    api: &Api,
+    path: IdAndName,
+    method: &Method,
+    headers: &HeaderMap,
 ) -> Result<Response, Problem> {
     let Path((id, name)) =
         path.map_err(|error| Problem::new(UNKNOWN_ARTIFACT, error.body_text()))?;
-    let id = Id::parse(&id)?;
-    let job = api.state.store.get(id).await?;
-    serve(&api, &job, &name, &method, &headers).await
+    serve::<R>(api, Id::<R>::parse(&id)?, &name, method, headers).await
 }
 
-/// Get the quality metrics.
-///
-/// The artifact `metrics.json`.
-#[utoipa::path(
-    method(get, head),
-    path = "/v1/reconstructions/{id}/metrics",
-    operation_id = "metrics",
-    tag = "artifacts",
-    params(("id" = String, Path, format = "uuid", description = "The reconstruction")),
-    responses(
-        (status = 200, description = "The metrics", body = Object, headers(("ETag" = String))),
-        (status = 304, description = "As in If-None-Match"),
-        ArtifactProblems,
-    )
-)]
-pub async fn metrics(
-    State(api): State<Arc<Api>>,
-    Id(id): Id,
-    method: Method,
-    headers: HeaderMap,
-) -> Result<Response, Problem> {
-    let job = api.state.store.get(id).await?;
-    serve(&api, &job, "metrics.json", &method, &headers).await
-}
-
-async fn serve(
+/// Answers an artifact's bytes, or the range of them that the client asks for.
+pub async fn serve<R: Resource>(
     api: &Api,
-    job: &Job,
+    id: JobId,
     name: &str,
     method: &Method,
     headers: &HeaderMap,
 ) -> Result<Response, Problem> {
-    let entry = find(job, name)?;
+    let job = &find::<R>(api, id).await?;
+    let entry = entry::<R>(job, name)?;
     let etag: ETag = format!("\"{}\"", entry.sha256)
         .parse()
         .map_err(|_| Problem::internal("artifact", &"stored hash makes no ETag"))?;
@@ -149,12 +74,12 @@ async fn serve(
     Ok(response)
 }
 
-fn find<'j>(job: &'j Job, name: &str) -> Result<&'j ArtifactEntry, Problem> {
+fn entry<'j, R: Resource>(job: &'j Job, name: &str) -> Result<&'j ArtifactEntry, Problem> {
     job.artifacts.iter().find(|entry| entry.name == name).ok_or_else(|| {
         let detail = if job.state.is_final() {
-            format!("reconstruction {} has no artifact `{name}`; see its list", job.id)
+            format!("{} {} has no artifact `{name}`; see its list", R::NOUN, job.id)
         } else {
-            format!("reconstruction {} is not finished, so it has no `{name}` yet", job.id)
+            format!("{} {} is not finished, so it has no `{name}` yet", R::NOUN, job.id)
         };
         Problem::new(UNKNOWN_ARTIFACT, detail)
     })

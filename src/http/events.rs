@@ -2,8 +2,6 @@ use std::convert::Infallible;
 use std::sync::Arc;
 use std::time::Duration;
 
-use async_stream::stream;
-use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::sse::{Event as ServerSentEvent, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
@@ -13,43 +11,21 @@ use tokio::time::Instant;
 
 use super::Api;
 use super::problem::Problem;
-use super::reconstructions::{Id, JobProblems};
+use super::resource::{Resource, find};
 use super::wait::Watch;
 use crate::jobs::{Event, EventKind, JobId, StoreError};
 
 const KEEP_ALIVE: Duration = Duration::from_secs(15);
 
-/// Follow a reconstruction.
-///
-/// Server-sent events: `id` is the event's number, from 1 without gaps; `event`
-/// its kind (queued, started, progress, cancel_requested, requeued, succeeded,
-/// failed, cancelled); `data` a JSON object with `number`, `at`, `kind` and
-/// `data`. The stream begins after `Last-Event-ID` and ends after the final
-/// event; asking again after that gives 204, which ends a browser's attempts to
-/// reconnect.
-#[utoipa::path(
-    get,
-    path = "/v1/reconstructions/{id}/events",
-    tag = "reconstructions",
-    params(
-        ("id" = String, Path, format = "uuid", description = "The reconstruction"),
-        ("Last-Event-ID" = Option<u64>, Header, description = "Number of the last event received"),
-    ),
-    responses(
-        (status = 200, description = "Events, until the final one", body = String,
-         content_type = "text/event-stream"),
-        (status = 204, description = "The final event was received already"),
-        JobProblems,
-    )
-)]
-pub async fn events(
-    State(api): State<Arc<Api>>,
-    Id(id): Id,
-    headers: HeaderMap,
+/// Answers the events of a job from the one after `Last-Event-ID` to the final one.
+pub async fn stream<R: Resource>(
+    api: Arc<Api>,
+    id: JobId,
+    headers: &HeaderMap,
 ) -> Result<Response, Problem> {
     let last = headers.get("last-event-id").and_then(|value| value.to_str().ok()?.parse().ok());
     let last: u64 = last.unwrap_or(0);
-    let job = api.state.store.get(id).await?;
+    let job = find::<R>(&api, id).await?;
     if job.state.is_final() && last >= job.version {
         return Ok(StatusCode::NO_CONTENT.into_response());
     }
@@ -62,7 +38,7 @@ fn follow(
     id: JobId,
     mut last: u64,
 ) -> impl Stream<Item = Result<ServerSentEvent, Infallible>> {
-    stream! {
+    async_stream::stream! {
         let mut watch = Watch::new(&api, id);
         loop {
             match api.state.store.events(id, last).await {

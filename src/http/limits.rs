@@ -1,5 +1,6 @@
 use std::time::Duration;
 
+use crate::draw::SheetLimits;
 use crate::model_io;
 use crate::sheet::ImageLimits;
 
@@ -8,8 +9,10 @@ use crate::sheet::ImageLimits;
 pub struct HttpLimits {
     /// Each drawing, mask and picture of true values.
     pub image: ImageLimits,
-    /// The true model.
+    /// A true model, or one to draw.
     pub model: model_io::Limits,
+    /// A sheet to draw.
+    pub sheet: SheetLimits,
     /// A whole upload, bytes.
     pub max_body_bytes: u64,
     /// Views of one reconstruction.
@@ -18,7 +21,7 @@ pub struct HttpLimits {
     pub max_document_bytes: usize,
     /// All uploads being received at a time, bytes in memory.
     pub max_upload_memory_bytes: u64,
-    /// Pictures being checked at a time, each on a thread of its own.
+    /// Pictures and models being checked at a time, each on a thread of its own.
     pub concurrent_decodes: usize,
     /// From the first byte of an upload to its answer.
     pub upload_timeout: Duration,
@@ -32,9 +35,11 @@ impl Default for HttpLimits {
             image: ImageLimits::default(),
             model: model_io::Limits {
                 max_bytes: 64 << 20,
-                max_vertices: 1_000_000,
-                max_triangles: 2_000_000,
+                max_vertices: 3_000_000,
+                max_triangles: 1_000_000,
             },
+            // Views of up to 3840x2160 pixels with 2x2 samples.
+            sheet: SheetLimits { max_views: 180, max_pixels: 1 << 26, max_view_samples: 1 << 25 },
             max_body_bytes: 256 << 20,
             max_views: 64,
             max_document_bytes: 1 << 20,

@@ -3,26 +3,27 @@
 
 use std::collections::BTreeMap;
 
-use schemars::generate::SchemaSettings;
 use serde_json::{Map, Value, json};
 use utoipa::OpenApi;
 use utoipa::openapi::{ContentBuilder, Ref, RefOr, Response, ResponseBuilder};
 
 use super::problem::{ProblemDocument, ProblemType};
 use super::router::routes;
-use crate::options;
+use crate::draw::DrawOptions;
+use crate::options::{self, OptionSet, Schema};
 use crate::sheet::SheetDocument;
 
 #[derive(OpenApi)]
 #[openapi(
     info(
         title = "Turnaround",
-        description = "Turns a model sheet (drawn views at known angles) into depth maps, metrics and a 3D draft. Errors are problem details (RFC 9457)."
+        description = "Turns a model sheet (drawn views at known angles) into depth maps, metrics and a 3D draft, and draws model sheets from 3D models. Errors are problem details (RFC 9457)."
     ),
     components(schemas(ProblemDocument)),
     tags(
         (name = "reconstructions", description = "Sheets on their way to a draft"),
         (name = "artifacts", description = "What came out"),
+        (name = "sheets", description = "Sheets drawn from 3D models, with their truth"),
         (name = "service", description = "The service itself"),
     )
 )]
@@ -66,9 +67,14 @@ pub fn responses_of(kinds: &[ProblemType]) -> BTreeMap<String, RefOr<Response>> 
         .collect()
 }
 
-/// For fields that hold options.
+/// For fields that hold the options of a reconstruction.
 pub fn options_reference() -> Ref {
     Ref::from_schema_name("Options")
+}
+
+/// For fields that hold the options of a drawn sheet.
+pub fn sheet_options_reference() -> Ref {
+    Ref::from_schema_name("SheetOptions")
 }
 
 /// The description, complete.
@@ -78,7 +84,7 @@ pub fn openapi() -> Value {
     name_wildcards(&mut document);
     describe_other_errors(&mut document);
     tell_head_from_get(&mut document);
-    describe_upload(&mut document);
+    describe_uploads(&mut document);
     for (name, schema) in foreign_schemas() {
         document["components"]["schemas"][name] = schema;
     }
@@ -87,27 +93,25 @@ pub fn openapi() -> Value {
 
 /// Schemas that are made elsewhere, as components.
 fn foreign_schemas() -> Map<String, Value> {
-    let mut options = options::schema().clone();
-    if let Some(schema) = options.as_object_mut() {
-        schema.remove("$schema");
-    }
-    let mut sheet = SchemaSettings::draft2020_12()
-        .with(|settings| settings.inline_subschemas = true)
-        .into_generator()
-        .into_root_schema_for::<SheetDocument>()
-        .to_value();
-    if let Some(schema) = sheet.as_object_mut() {
-        schema.remove("$schema");
-    }
+    let mut sheet = Schema::of::<SheetDocument>().document;
     sheet["properties"]["options"] = json!({
         "$ref": "#/components/schemas/Options",
         "description": "Options, nested by stage."
     });
-    Map::from_iter([
-        ("Options".to_owned(), options),
-        ("SheetDocument".to_owned(), sheet),
-        ("Upload".to_owned(), upload_schema()),
-    ])
+    let schemas = [
+        ("Options", options::schema().clone()),
+        ("SheetOptions", DrawOptions::schema().document.clone()),
+        ("SheetDocument", sheet),
+        ("Upload", upload_schema()),
+        ("ModelUpload", model_upload_schema()),
+    ];
+    let component = |(name, mut schema): (&str, Value)| {
+        if let Some(schema) = schema.as_object_mut() {
+            schema.remove("$schema");
+        }
+        (name.to_owned(), schema)
+    };
+    schemas.map(component).into_iter().collect()
 }
 
 fn upload_schema() -> Value {
@@ -160,7 +164,28 @@ fn truth_schema() -> Value {
     })
 }
 
-fn describe_upload(document: &mut Value) {
+fn model_upload_schema() -> Value {
+    let file = json!({"type": "string", "format": "binary",
+        "description": "GLB, glTF with embedded buffers, OBJ, PLY or STL; the file's name tells which."});
+    let builtin = json!({"type": "string", "pattern": "^builtin:[a-z_]+$",
+        "description": "A built-in model, such as builtin:teapot."});
+    json!({
+        "type": "object",
+        "description": "A model, and how it is drawn. Options come as a part `options`, and singly by their dotted names, such as `degrade.preset`; single ones lie over the part's.",
+        "required": ["model"],
+        "properties": {
+            "model": {"anyOf": [file, builtin]},
+            "azimuths": {"type": "string", "default": "0:90:5", "examples": ["0:90:5,135,180"],
+                "description": "The views, degrees: a list of angles and of FROM:TO:STEP."},
+            "up_axis": {"type": "string", "enum": ["y", "z"],
+                "description": "Which axis of the file points up; y in glTF and z in the others if not given."},
+            "options": {"$ref": "#/components/schemas/SheetOptions"},
+        },
+        "additionalProperties": {"type": "string", "description": "A single option."},
+    })
+}
+
+fn describe_uploads(document: &mut Value) {
     let body = &mut document["paths"]["/v1/reconstructions"]["post"]["requestBody"];
     body["required"] = true.into();
     body["content"]["multipart/form-data"]["encoding"] = json!({
@@ -168,6 +193,25 @@ fn describe_upload(document: &mut Value) {
         "options": {"contentType": "application/json"},
         "truth": {"contentType": "application/json"},
         "image": {"contentType": "image/png, image/jpeg, image/webp, image/tiff"},
+    });
+    let body = &mut document["paths"]["/v1/sheets"]["post"]["requestBody"];
+    body["required"] = true.into();
+    let form = &mut body["content"]["multipart/form-data"];
+    form["encoding"] = json!({"options": {"contentType": "application/json"}});
+    form["examples"] = json!({
+        "builtin": {
+            "summary": "A built-in model from three sides",
+            "value": {"model": "builtin:teapot", "azimuths": "0,45,90"},
+        },
+        "degraded": {
+            "summary": "As if drawn by hand, with options in both ways",
+            "value": {
+                "model": "builtin:caped_figure",
+                "azimuths": "0:90:15,180",
+                "options": {"degrade": {"preset": "middle", "seed": 7}},
+                "line_width_px": "2",
+            },
+        },
     });
 }
 

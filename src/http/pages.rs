@@ -10,11 +10,12 @@ use utoipa_swagger_ui::{Config, SwaggerUi};
 
 use super::openapi::{openapi, problem_responses};
 use super::problem::{self, NOT_FOUND, Problem, ProblemType};
-use crate::options;
+use crate::draw::DrawOptions;
+use crate::options::{self, OptionSet};
 
 problem_responses! { PageProblems: NOT_FOUND }
 
-/// Every option: type, range, unit, default and meaning.
+/// Every option of a reconstruction: type, range, unit, default and meaning.
 #[utoipa::path(
     get,
     path = "/v1/options",
@@ -25,6 +26,19 @@ problem_responses! { PageProblems: NOT_FOUND }
 )]
 pub async fn options() -> Response {
     json("application/schema+json", options::schema())
+}
+
+/// Every option of a drawn sheet: type, range, unit, default and meaning.
+#[utoipa::path(
+    get,
+    path = "/v1/sheet-options",
+    operation_id = "sheet_options",
+    tag = "sheets",
+    responses((status = 200, description = "JSON Schema, draft 2020-12", body = Object,
+               content_type = "application/schema+json"))
+)]
+pub async fn sheet_options() -> Response {
+    json("application/schema+json", &DrawOptions::schema().document)
 }
 
 /// This description.

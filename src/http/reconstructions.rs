@@ -1,29 +1,30 @@
 use std::sync::Arc;
 
-use axum::Json;
-use axum::extract::rejection::{PathRejection, QueryRejection};
-use axum::extract::{FromRequestParts, Path, Query, Request, State};
-use axum::http::request::Parts;
-use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
-use axum::response::{IntoResponse, Response};
-use axum_extra::headers::{ETag, HeaderMapExt};
-use serde::Deserialize;
-use utoipa::IntoParams;
+use axum::extract::rejection::QueryRejection;
+use axum::extract::{Query, Request, State};
+use axum::http::{HeaderMap, Method, StatusCode};
+use axum::response::Response;
 
 use super::Api;
-use super::conditional::{PREFERENCE_APPLIED, is_known, preferred_wait};
+use super::artifacts::{self, IdAndName};
+use super::events;
 use super::openapi::problem_responses;
 use super::problem::*;
-use super::representation::{Reconstruction, ReconstructionList, State as JobStateName, path_of};
-use super::upload;
-use super::wait::wait_until;
-use crate::jobs::{Job, JobId, ListQuery};
+use super::representation::{ArtifactList, Reconstruction, ReconstructionList};
+use super::resource::{self, Id, ListParameters, Resource};
+use super::upload::{self, Parts};
 use crate::sheet::RECONSTRUCTION;
 
-const DEFAULT_LIMIT: u32 = 20;
-const MAX_LIMIT: u32 = 100;
-/// After how many seconds a client that polls should look again.
-const RETRY_AFTER: HeaderValue = HeaderValue::from_static("1");
+/// Sheets on their way to a draft.
+pub struct Reconstructions;
+
+impl Resource for Reconstructions {
+    const KIND: &'static str = RECONSTRUCTION;
+    const PATH: &'static str = "/v1/reconstructions";
+    const NOUN: &'static str = "reconstruction";
+    const UNKNOWN: ProblemType = UNKNOWN_RECONSTRUCTION;
+    type View = Reconstruction;
+}
 
 problem_responses! {
     UploadProblems: UNSUPPORTED_MEDIA_TYPE, MALFORMED_MULTIPART, INVALID_PART_NAME, INVALID_JSON,
@@ -33,46 +34,13 @@ problem_responses! {
         INVALID_SHEET, INVALID_TRUTH, UNKNOWN_OPTION, INVALID_OPTION, UNKNOWN_SOURCE, REQUEST_TIMEOUT,
         BUSY, UNAVAILABLE
 }
-problem_responses! { pub JobProblems: UNKNOWN_RECONSTRUCTION, UNAVAILABLE }
+problem_responses! { JobProblems: UNKNOWN_RECONSTRUCTION, UNAVAILABLE }
 problem_responses! { ListProblems: INVALID_QUERY, UNAVAILABLE }
 problem_responses! { CancelProblems: UNKNOWN_RECONSTRUCTION, ALREADY_FINISHED, UNAVAILABLE }
 problem_responses! { DeleteProblems: UNKNOWN_RECONSTRUCTION, STILL_RUNNING, UNAVAILABLE }
-
-/// A reconstruction's id in the path. What is no id names no reconstruction.
-pub struct Id(pub JobId);
-
-impl Id {
-    pub fn parse(text: &str) -> Result<JobId, Problem> {
-        text.parse().map_err(|_| {
-            let detail = format!("there is no reconstruction `{text}`; ids are UUIDs");
-            Problem::new(UNKNOWN_RECONSTRUCTION, detail)
-        })
-    }
-}
-
-impl<S: Send + Sync> FromRequestParts<S> for Id {
-    type Rejection = Problem;
-
-    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Problem> {
-        let id: Result<Path<String>, PathRejection> = Path::from_request_parts(parts, state).await;
-        let Path(id) =
-            id.map_err(|error| Problem::new(UNKNOWN_RECONSTRUCTION, error.body_text()))?;
-        Self::parse(&id).map(Self)
-    }
-}
-
-/// Which reconstructions to list.
-#[derive(Debug, Deserialize, IntoParams)]
-#[serde(deny_unknown_fields)]
-#[into_params(parameter_in = Query)]
-pub struct ListParameters {
-    /// Only those in this state.
-    state: Option<JobStateName>,
-    /// At most this many.
-    #[param(minimum = 1, maximum = 100, default = 20)]
-    limit: Option<u32>,
-    /// Where to go on: from the last answer's `next`.
-    cursor: Option<String>,
+problem_responses! {
+    ArtifactProblems: UNKNOWN_RECONSTRUCTION, UNKNOWN_ARTIFACT, PRECONDITION_FAILED,
+        RANGE_NOT_SATISFIABLE, UNAVAILABLE
 }
 
 /// Upload a sheet and have it reconstructed.
@@ -91,14 +59,8 @@ pub struct ListParameters {
     )
 )]
 pub async fn create(State(api): State<Arc<Api>>, request: Request) -> Result<Response, Problem> {
-    let job = upload::receive(&api, request).await?;
-    tracing::info!(id = %job.id, "reconstruction queued");
-    let mut response = (StatusCode::ACCEPTED, Json(Reconstruction::from(&job))).into_response();
-    let location = HeaderValue::from_str(&path_of(job.id))
-        .map_err(|error| Problem::internal("location", &error))?;
-    response.headers_mut().insert(header::LOCATION, location);
-    response.headers_mut().insert(header::RETRY_AFTER, RETRY_AFTER);
-    Ok(response)
+    let job = upload::receive::<Parts>(&api, request).await?;
+    resource::accepted::<Reconstructions>(&job)
 }
 
 /// List reconstructions, newest first.
@@ -118,41 +80,11 @@ pub async fn list(
     State(api): State<Arc<Api>>,
     query: Result<Query<ListParameters>, QueryRejection>,
 ) -> Result<Response, Problem> {
-    let Query(parameters) =
-        query.map_err(|error| Problem::new(INVALID_QUERY, error.body_text()))?;
-    let limit = parameters.limit.unwrap_or(DEFAULT_LIMIT);
-    if !(1..=MAX_LIMIT).contains(&limit) {
-        let detail = format!("`limit` is {limit}; give 1 to {MAX_LIMIT}");
-        return Err(Problem::new(INVALID_QUERY, detail).parameter("limit"));
-    }
-    let before = parameters.cursor.as_deref().map(cursor).transpose()?;
-    let state = parameters.state.map(Into::into);
-    let query = ListQuery { kind: Some(RECONSTRUCTION.to_owned()), state, before, limit };
-    let page = api.state.store.list(&query).await?;
-    let next = page.next.map(|id| next_uri(parameters.state, limit, id));
-    let link = next
-        .as_ref()
-        .and_then(|next| HeaderValue::from_str(&format!("<{next}>; rel=\"next\"")).ok());
-    let reconstructions = page.jobs.iter().map(Reconstruction::from).collect();
-    let mut response = Json(ReconstructionList { reconstructions, next }).into_response();
-    if let Some(link) = link {
-        response.headers_mut().insert(header::LINK, link);
-    }
-    Ok(response)
-}
-
-fn cursor(text: &str) -> Result<JobId, Problem> {
-    text.parse().map_err(|_| {
-        let detail = "`cursor` must come from the `next` of an earlier answer";
-        Problem::new(INVALID_QUERY, detail).parameter("cursor")
+    resource::list::<Reconstructions, _>(&api, query, |reconstructions, next| ReconstructionList {
+        reconstructions,
+        next,
     })
-}
-
-fn next_uri(state: Option<JobStateName>, limit: u32, cursor: JobId) -> String {
-    let state = state.and_then(|state| serde_json::to_value(state).ok());
-    let state = state.as_ref().and_then(|state| state.as_str());
-    let state = state.map(|state| format!("state={state}&")).unwrap_or_default();
-    format!("/v1/reconstructions?{state}limit={limit}&cursor={cursor}")
+    .await
 }
 
 /// Get a reconstruction.
@@ -179,44 +111,42 @@ fn next_uri(state: Option<JobStateName>, limit: u32, cursor: JobId) -> String {
 )]
 pub async fn get(
     State(api): State<Arc<Api>>,
-    Id(id): Id,
+    id: Id<Reconstructions>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let wait = preferred_wait(&headers);
-    let is_conditional = headers.contains_key(header::IF_NONE_MATCH);
-    let is_reached = |job: &Job| {
-        job.state.is_final() || (is_conditional && !is_known(&headers, &version_of(job)))
-    };
-    let job = match wait {
-        Some(wait) => wait_until(&api, id, wait, is_reached).await?,
-        None => api.state.store.get(id).await?,
-    };
-    let etag = version_of(&job);
-    let mut response = if is_known(&headers, &etag) {
-        StatusCode::NOT_MODIFIED.into_response()
-    } else {
-        Json(Reconstruction::from(&job)).into_response()
-    };
-    let answer = response.headers_mut();
-    answer.typed_insert(etag);
-    answer.insert(header::CACHE_CONTROL, HeaderValue::from_static("private, no-cache"));
-    if !job.state.is_final() {
-        answer.insert(header::RETRY_AFTER, RETRY_AFTER);
-    }
-    if let Some(applied) = wait.and_then(|wait| applied(wait.as_secs())) {
-        answer.insert(PREFERENCE_APPLIED, applied);
-    }
-    Ok(response)
+    resource::get::<Reconstructions>(&api, id.0, &headers).await
 }
 
-fn applied(seconds: u64) -> Option<HeaderValue> {
-    HeaderValue::from_str(&format!("wait={seconds}")).ok()
-}
-
-/// The ETag of a job's representation; weak, because it may be compressed.
-pub fn version_of(job: &Job) -> ETag {
-    let etag = format!("W/\"{}\"", job.version).parse();
-    etag.expect("a number in quotes is an ETag")
+/// Follow a reconstruction.
+///
+/// Server-sent events: `id` is the event's number, from 1 without gaps; `event`
+/// its kind (queued, started, progress, cancel_requested, requeued, succeeded,
+/// failed, cancelled); `data` a JSON object with `number`, `at`, `kind` and
+/// `data`. The stream begins after `Last-Event-ID` and ends after the final
+/// event; asking again after that gives 204, which ends a browser's attempts to
+/// reconnect.
+#[utoipa::path(
+    get,
+    path = "/v1/reconstructions/{id}/events",
+    operation_id = "events",
+    tag = "reconstructions",
+    params(
+        ("id" = String, Path, format = "uuid", description = "The reconstruction"),
+        ("Last-Event-ID" = Option<u64>, Header, description = "Number of the last event received"),
+    ),
+    responses(
+        (status = 200, description = "Events, until the final one", body = String,
+         content_type = "text/event-stream"),
+        (status = 204, description = "The final event was received already"),
+        JobProblems,
+    )
+)]
+pub async fn events(
+    State(api): State<Arc<Api>>,
+    id: Id<Reconstructions>,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    events::stream::<Reconstructions>(api, id.0, &headers).await
 }
 
 /// Cancel a reconstruction.
@@ -234,10 +164,11 @@ pub fn version_of(job: &Job) -> ETag {
         CancelProblems,
     )
 )]
-pub async fn cancel(State(api): State<Arc<Api>>, Id(id): Id) -> Result<Response, Problem> {
-    let job = api.state.store.request_cancel(id).await?;
-    let status = if job.state.is_final() { StatusCode::OK } else { StatusCode::ACCEPTED };
-    Ok((status, Json(Reconstruction::from(&job))).into_response())
+pub async fn cancel(
+    State(api): State<Arc<Api>>,
+    id: Id<Reconstructions>,
+) -> Result<Response, Problem> {
+    resource::cancel::<Reconstructions>(&api, id.0).await
 }
 
 /// Delete a reconstruction with its drawings and results.
@@ -249,11 +180,89 @@ pub async fn cancel(State(api): State<Arc<Api>>, Id(id): Id) -> Result<Response,
     params(("id" = String, Path, format = "uuid", description = "The reconstruction")),
     responses((status = 204, description = "Deleted"), DeleteProblems)
 )]
-pub async fn delete(State(api): State<Arc<Api>>, Id(id): Id) -> Result<StatusCode, Problem> {
-    api.state.store.delete(id).await?;
-    if let Err(error) = api.state.bytes.delete_job(id).await {
-        // The row is gone; the collector of ownerless bytes takes the rest.
-        tracing::warn!(%id, %error, "bytes of a deleted reconstruction stay for now");
-    }
-    Ok(StatusCode::NO_CONTENT)
+pub async fn delete(
+    State(api): State<Arc<Api>>,
+    id: Id<Reconstructions>,
+) -> Result<StatusCode, Problem> {
+    resource::delete::<Reconstructions>(&api, id.0).await
+}
+
+/// List the results of a reconstruction.
+#[utoipa::path(
+    get,
+    path = "/v1/reconstructions/{id}/artifacts",
+    operation_id = "artifacts",
+    tag = "artifacts",
+    params(("id" = String, Path, format = "uuid", description = "The reconstruction")),
+    responses(
+        (status = 200, description = "In order of publication; empty until it has succeeded",
+         body = ArtifactList, headers(("ETag" = String))),
+        (status = 304, description = "As in If-None-Match"),
+        JobProblems,
+    )
+)]
+pub async fn artifacts(
+    State(api): State<Arc<Api>>,
+    id: Id<Reconstructions>,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    artifacts::list::<Reconstructions>(&api, id.0, &headers).await
+}
+
+/// Get a result's bytes.
+///
+/// They never change: the ETag is the content's SHA-256. Takes byte ranges, If-Match,
+/// If-None-Match and If-Range.
+#[utoipa::path(
+    method(get, head),
+    path = "/v1/reconstructions/{id}/artifacts/{*name}",
+    operation_id = "artifact",
+    tag = "artifacts",
+    params(
+        ("id" = String, Path, format = "uuid", description = "The reconstruction"),
+        ("name" = String, Path, description = "Name from the list; may have slashes",
+         example = "views/45/disparity.png"),
+        ("Range" = Option<String>, Header, description = "One byte range", example = "bytes=0-1023"),
+    ),
+    responses(
+        (status = 200, description = "The bytes, in the media type of the list", body = Vec<u8>,
+         content_type = "application/octet-stream",
+         headers(("ETag" = String), ("Accept-Ranges" = String), ("Content-Disposition" = String))),
+        (status = 206, description = "The bytes of the range", body = Vec<u8>,
+         content_type = "application/octet-stream", headers(("Content-Range" = String))),
+        (status = 304, description = "As in If-None-Match"),
+        ArtifactProblems,
+    )
+)]
+pub async fn artifact(
+    State(api): State<Arc<Api>>,
+    path: IdAndName,
+    method: Method,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    artifacts::named::<Reconstructions>(&api, path, &method, &headers).await
+}
+
+/// Get the quality metrics.
+///
+/// The artifact `metrics.json`.
+#[utoipa::path(
+    method(get, head),
+    path = "/v1/reconstructions/{id}/metrics",
+    operation_id = "metrics",
+    tag = "artifacts",
+    params(("id" = String, Path, format = "uuid", description = "The reconstruction")),
+    responses(
+        (status = 200, description = "The metrics", body = Object, headers(("ETag" = String))),
+        (status = 304, description = "As in If-None-Match"),
+        ArtifactProblems,
+    )
+)]
+pub async fn metrics(
+    State(api): State<Arc<Api>>,
+    id: Id<Reconstructions>,
+    method: Method,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    artifacts::serve::<Reconstructions>(&api, id.0, "metrics.json", &method, &headers).await
 }

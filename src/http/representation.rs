@@ -7,6 +7,8 @@ use utoipa::ToSchema;
 use uuid::Uuid;
 
 use super::openapi::options_reference;
+use super::reconstructions::Reconstructions;
+use super::resource::Resource;
 use crate::jobs::{ArtifactEntry, Failure, Job, JobId, JobState};
 use crate::sheet::{Azimuth, ReconstructionPayload, SheetDocument, ViewDocument};
 
@@ -20,12 +22,6 @@ pub struct Reconstruction {
     /// The earlier reconstruction whose views it takes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub source: Option<Uuid>,
-    pub state: State,
-    /// How often it was begun; it is begun again if its worker dies.
-    pub attempt: u32,
-    pub max_attempts: u32,
-    /// Whether somebody asked to cancel it.
-    pub cancel_requested: bool,
     /// How the sheet becomes a 3D draft; also in `options`.
     #[schema(example = "uncalibrated")]
     pub method: Option<String>,
@@ -36,6 +32,20 @@ pub struct Reconstruction {
     pub views: Vec<ViewSummary>,
     /// Whether a true model came with it.
     pub truth_model: bool,
+    #[serde(flatten)]
+    pub status: JobStatus,
+    pub links: Links,
+}
+
+/// How a job is doing, whatever its kind.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct JobStatus {
+    pub state: State,
+    /// How often it was begun; it is begun again if its worker dies.
+    pub attempt: u32,
+    pub max_attempts: u32,
+    /// Whether somebody asked to cancel it.
+    pub cancel_requested: bool,
     /// How far the current attempt is; never goes back within an attempt.
     pub progress: Option<Progress>,
     /// Why it failed.
@@ -47,13 +57,12 @@ pub struct Reconstruction {
     pub started_at: Option<Timestamp>,
     #[schema(value_type = Option<String>, format = DateTime)]
     pub finished_at: Option<Timestamp>,
-    pub links: Links,
 }
 
-/// Where a reconstruction is in its life.
+/// Where a job is in its life.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
-#[schema(as = ReconstructionState)]
+#[schema(as = JobState)]
 pub enum State {
     Queued,
     Running,
@@ -81,7 +90,7 @@ pub struct ViewSummary {
 /// How far an attempt is.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct Progress {
-    /// Part of the pipeline at work.
+    /// Part of the work that is going on.
     #[schema(example = "pairs")]
     pub stage: String,
     /// Units of the stage that are done, of `total`.
@@ -96,7 +105,7 @@ pub struct Progress {
     pub fraction: f64,
 }
 
-/// Why a reconstruction failed.
+/// Why a job failed.
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(as = Failure)]
 pub struct FailureReason {
@@ -136,7 +145,7 @@ pub struct ReconstructionList {
     pub next: Option<String>,
 }
 
-/// The results of a reconstruction; empty until it has succeeded.
+/// The results of a job; empty until it has succeeded.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct ArtifactList {
     pub artifacts: Vec<ArtifactSummary>,
@@ -159,11 +168,6 @@ pub struct ArtifactSummary {
     pub href: String,
 }
 
-/// The path of a reconstruction.
-pub fn path_of(id: JobId) -> String {
-    format!("/v1/reconstructions/{id}")
-}
-
 impl From<&Job> for Reconstruction {
     fn from(job: &Job) -> Self {
         // A payload that an older version stored may not read; its job is
@@ -175,20 +179,28 @@ impl From<&Job> for Reconstruction {
             id: job.id.0,
             name: document.name.clone(),
             source,
-            state: job.state.into(),
-            attempt: job.attempt,
-            max_attempts: job.max_attempts,
-            cancel_requested: job.cancel_requested,
             method: options["method"].as_str().map(str::to_owned),
             options,
             views: summaries(&document),
             truth_model: document.truth.is_some_and(|truth| truth.model.is_some()),
+            status: JobStatus::from(job),
+            links: Links::of(job),
+        }
+    }
+}
+
+impl From<&Job> for JobStatus {
+    fn from(job: &Job) -> Self {
+        Self {
+            state: job.state.into(),
+            attempt: job.attempt,
+            max_attempts: job.max_attempts,
+            cancel_requested: job.cancel_requested,
             progress: job.progress.clone().and_then(|value| serde_json::from_value(value).ok()),
             failure: job.failure.clone().map(FailureReason::from),
             created_at: job.created_at,
             started_at: job.started_at,
             finished_at: job.finished_at,
-            links: Links::of(job),
         }
     }
 }
@@ -207,16 +219,40 @@ fn summaries(document: &SheetDocument) -> Vec<ViewSummary> {
 
 impl Links {
     fn of(job: &Job) -> Self {
-        let this = path_of(job.id);
-        let below = |wanted: bool, name: &str| wanted.then(|| format!("{this}/{name}"));
-        let succeeded = job.state == JobState::Succeeded;
+        let paths = Paths::of::<Reconstructions>(job);
         Self {
-            events: format!("{this}/events"),
-            cancel: below(!job.state.is_final(), "cancel"),
-            metrics: below(succeeded, "metrics"),
-            artifacts: below(succeeded, "artifacts"),
-            this,
+            this: paths.this.clone(),
+            events: paths.events(),
+            cancel: paths.cancel(),
+            metrics: paths.result("metrics"),
+            artifacts: paths.result("artifacts"),
         }
+    }
+}
+
+/// What lies below a job.
+pub struct Paths {
+    pub this: String,
+    state: JobState,
+}
+
+impl Paths {
+    pub fn of<R: Resource>(job: &Job) -> Self {
+        Self { this: R::path(job.id), state: job.state }
+    }
+
+    pub fn events(&self) -> String {
+        format!("{}/events", self.this)
+    }
+
+    /// `None` once it is finished.
+    pub fn cancel(&self) -> Option<String> {
+        (!self.state.is_final()).then(|| format!("{}/cancel", self.this))
+    }
+
+    /// `None` until it has succeeded.
+    pub fn result(&self, name: &str) -> Option<String> {
+        (self.state == JobState::Succeeded).then(|| format!("{}/{name}", self.this))
     }
 }
 
@@ -251,13 +287,13 @@ impl From<Failure> for FailureReason {
 }
 
 impl ArtifactSummary {
-    pub fn of(job: JobId, entry: &ArtifactEntry) -> Self {
+    pub fn of<R: Resource>(job: JobId, entry: &ArtifactEntry) -> Self {
         Self {
             name: entry.name.clone(),
             media_type: entry.media_type.clone(),
             bytes: entry.bytes,
             sha256: entry.sha256.clone(),
-            href: format!("{}/artifacts/{}", path_of(job), entry.name),
+            href: format!("{}/artifacts/{}", R::path(job), entry.name),
         }
     }
 }

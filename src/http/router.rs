@@ -15,7 +15,7 @@ use super::layers;
 use super::openapi::Description;
 use super::problem::{METHOD_NOT_ALLOWED, NOT_FOUND, Problem};
 use super::state::{Api, ApiState};
-use super::{HttpLimits, artifacts, events, health, pages, reconstructions};
+use super::{HttpLimits, health, pages, reconstructions, sheets};
 
 /// The whole interface over `state`.
 pub fn router(state: ApiState, limits: &HttpLimits) -> Router {
@@ -58,8 +58,13 @@ fn quick_routes() -> OpenApiRouter<Arc<Api>> {
         .routes(paths!(reconstructions::list))
         .routes(paths!(reconstructions::delete))
         .routes(paths!(reconstructions::cancel))
-        .routes(paths!(artifacts::list))
+        .routes(paths!(reconstructions::artifacts))
+        .routes(paths!(sheets::list))
+        .routes(paths!(sheets::delete))
+        .routes(paths!(sheets::cancel))
+        .routes(paths!(sheets::artifacts))
         .routes(paths!(pages::options))
+        .routes(paths!(pages::sheet_options))
         .routes(paths!(pages::description))
         .routes(paths!(pages::problems))
         .routes(paths!(pages::problem))
@@ -70,21 +75,24 @@ fn quick_routes() -> OpenApiRouter<Arc<Api>> {
 
 /// Takes up to [`MAX_WAIT`] if the client likes.
 fn patient_routes() -> OpenApiRouter<Arc<Api>> {
-    OpenApiRouter::new().routes(paths!(reconstructions::get))
+    OpenApiRouter::new().routes(paths!(reconstructions::get)).routes(paths!(sheets::get))
 }
 
 /// Limits its time by itself, as uploads may take long.
 fn upload_routes() -> OpenApiRouter<Arc<Api>> {
-    OpenApiRouter::new().routes(paths!(reconstructions::create))
+    OpenApiRouter::new().routes(paths!(reconstructions::create)).routes(paths!(sheets::create))
 }
 
 fn stream_routes() -> OpenApiRouter<Arc<Api>> {
-    OpenApiRouter::new().routes(paths!(events::events))
+    OpenApiRouter::new().routes(paths!(reconstructions::events)).routes(paths!(sheets::events))
 }
 
 /// Sent as they are stored: compressing would break strong ETags and ranges.
 fn content_routes() -> OpenApiRouter<Arc<Api>> {
-    OpenApiRouter::new().routes(paths!(artifacts::artifact)).routes(paths!(artifacts::metrics))
+    OpenApiRouter::new()
+        .routes(paths!(reconstructions::artifact))
+        .routes(paths!(reconstructions::metrics))
+        .routes(paths!(sheets::artifact))
 }
 
 async fn nothing_here(uri: Uri) -> Problem {

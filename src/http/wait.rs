@@ -8,6 +8,7 @@ use tokio::time::Instant;
 
 use super::Api;
 use super::problem::Problem;
+use super::resource::{Resource, find};
 use crate::jobs::{Job, JobChange, JobId};
 
 /// How often a job is looked at whose changes nobody announces, such as those
@@ -47,7 +48,7 @@ impl Watch {
 }
 
 /// The job once `is_reached` holds of it, or as it is at the end of `wait`.
-pub async fn wait_until(
+pub async fn wait_until<R: Resource>(
     api: &Api,
     id: JobId,
     wait: Duration,
@@ -56,7 +57,7 @@ pub async fn wait_until(
     let deadline = Instant::now() + wait;
     let mut watch = Watch::new(api, id);
     loop {
-        let job = api.state.store.get(id).await?;
+        let job = find::<R>(api, id).await?;
         let is_over = Instant::now() >= deadline || api.state.shutdown.is_cancelled();
         if is_over || is_reached(&job) {
             return Ok(job);

@@ -18,7 +18,10 @@ pub use features::{
 pub use geometry::{
     CloudOptions, DepthRelation, EpipolarOptions, Estimator, ExportOptions, MergeOptions, Origin,
 };
-pub use parse::{OptionProblem, OptionProblemKind, OptionProblems, merge, nested, parse, schema};
+pub use parse::{
+    OptionProblem, OptionProblemKind, OptionProblems, OptionSet, Schema, check_set, merge, nested,
+    parse, parse_set, schema,
+};
 pub use turntable::{
     DepthOptions, Holes, SilhouetteOptions, SolidKind, SolidOptions, Switch, TurntableOptions,
 };

@@ -3,7 +3,10 @@ use std::sync::LazyLock;
 
 use jsonschema::error::ValidationErrorKind;
 use jsonschema::{ValidationError, Validator};
+use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
 
 use super::{Descriptor, Detector, Options};
@@ -45,17 +48,49 @@ impl fmt::Display for OptionProblems {
     }
 }
 
-/// The JSON Schema (draft 2020-12) of [`Options`], definitions inlined, each
-/// property with its type, range, default and meaning.
-pub fn schema() -> &'static Value {
-    static SCHEMA: LazyLock<Value> = LazyLock::new(|| {
-        SchemaSettings::draft2020_12()
+/// Options that a JSON Schema describes and checks, the schema being made from their types.
+pub trait OptionSet: Serialize + DeserializeOwned + PartialEq {
+    /// Where the service lists them.
+    const LISTED_AT: &'static str;
+
+    /// The schema with its validator, made once: a `static` of [`Schema::of`].
+    fn schema() -> &'static Schema;
+
+    /// Combinations that the schema cannot express.
+    fn conflicts(&self) -> Vec<OptionProblem>;
+}
+
+/// A JSON Schema (draft 2020-12) of options, definitions inlined, each property with its type,
+/// range, default and meaning.
+#[derive(Debug)]
+pub struct Schema {
+    pub document: Value,
+    validator: Validator,
+}
+
+impl Schema {
+    pub fn of<T: JsonSchema>() -> Self {
+        let document: Value = SchemaSettings::draft2020_12()
             .with(|settings| settings.inline_subschemas = true)
             .into_generator()
-            .into_root_schema_for::<Options>()
-            .into()
-    });
-    &SCHEMA
+            .into_root_schema_for::<T>()
+            .into();
+        let validator = jsonschema::validator_for(&document).expect("our own schema is valid");
+        Self { document, validator }
+    }
+}
+
+/// The schema of a reconstruction's options.
+pub fn schema() -> &'static Value {
+    &Options::schema().document
+}
+
+/// Reads the options of a reconstruction from JSON; what is not given has its default.
+///
+/// # Errors
+/// As [`parse_set`].
+pub fn parse(value: &Value) -> Result<Options, OptionProblems> {
+    parse_set(value)
 }
 
 /// Reads options from JSON; what is not given has its default.
@@ -63,25 +98,40 @@ pub fn schema() -> &'static Value {
 /// # Errors
 /// [`OptionProblems`]: every unknown option, wrong type and value out of range,
 /// and combinations that cannot work.
-pub fn parse(value: &Value) -> Result<Options, OptionProblems> {
-    static VALIDATOR: LazyLock<Validator> =
-        LazyLock::new(|| jsonschema::validator_for(schema()).expect("our own schema is valid"));
-    let problems: Vec<_> = VALIDATOR.iter_errors(value).flat_map(|e| problems_of(&e)).collect();
+pub fn parse_set<T: OptionSet>(value: &Value) -> Result<T, OptionProblems> {
+    let errors = T::schema().validator.iter_errors(value);
+    let problems: Vec<_> = errors.flat_map(|e| problems_of(&e, T::LISTED_AT)).collect();
     if !problems.is_empty() {
         return Err(OptionProblems(problems));
     }
-    let options: Options = serde_json::from_value(value.clone()).map_err(|error| {
-        OptionProblems(vec![OptionProblem {
-            option: String::new(),
-            kind: OptionProblemKind::Invalid,
-            detail: error.to_string(),
-        }])
-    })?;
+    let options = T::deserialize(value).map_err(|error| OptionProblems::whole(&error))?;
     let problems = options.conflicts();
     if problems.is_empty() { Ok(options) } else { Err(OptionProblems(problems)) }
 }
 
-fn problems_of(error: &ValidationError<'_>) -> Vec<OptionProblem> {
+/// Checks options that were made in code as [`parse_set`] checks what comes as JSON.
+///
+/// # Errors
+/// [`OptionProblems`]; a number that JSON cannot hold, such as NaN, is one too.
+pub fn check_set<T: OptionSet>(options: &T) -> Result<(), OptionProblems> {
+    let value = serde_json::to_value(options).map_err(|error| OptionProblems::whole(&error))?;
+    if parse_set::<T>(&value)? == *options {
+        return Ok(());
+    }
+    Err(OptionProblems::whole(&"a number is not finite"))
+}
+
+impl OptionProblems {
+    fn whole(problem: &dyn fmt::Display) -> Self {
+        Self(vec![OptionProblem {
+            option: String::new(),
+            kind: OptionProblemKind::Invalid,
+            detail: problem.to_string(),
+        }])
+    }
+}
+
+fn problems_of(error: &ValidationError<'_>, listed_at: &str) -> Vec<OptionProblem> {
     let at = error.instance_path().to_string().trim_start_matches('/').replace('/', ".");
     let ValidationErrorKind::AdditionalProperties { unexpected } = error.kind() else {
         let detail = error.to_string();
@@ -91,7 +141,7 @@ fn problems_of(error: &ValidationError<'_>) -> Vec<OptionProblem> {
     let problem = |name: &String| OptionProblem {
         option: if at.is_empty() { name.clone() } else { format!("{at}.{name}") },
         kind: OptionProblemKind::Unknown,
-        detail: format!("there is no such option in {place}; /v1/options lists all"),
+        detail: format!("there is no such option in {place}; {listed_at} lists all"),
     };
     unexpected.iter().map(problem).collect()
 }
@@ -117,8 +167,14 @@ pub fn merge(base: &mut Value, over: Value) {
     }
 }
 
-impl Options {
-    /// Combinations that the schema cannot express.
+impl OptionSet for Options {
+    const LISTED_AT: &'static str = "/v1/options";
+
+    fn schema() -> &'static Schema {
+        static SCHEMA: LazyLock<Schema> = LazyLock::new(Schema::of::<Options>);
+        &SCHEMA
+    }
+
     fn conflicts(&self) -> Vec<OptionProblem> {
         let problem = |option: &str, detail: String| OptionProblem {
             option: option.to_owned(),

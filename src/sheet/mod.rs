@@ -1,6 +1,7 @@
 //! The model sheet: views of one subject, each drawn at a known angle.
 
 mod azimuth;
+mod azimuth_list;
 mod check;
 mod document;
 mod image;
@@ -9,6 +10,7 @@ mod view;
 
 pub use self::image::{Drawing, ImageError, ImageLimits, decode, inspect};
 pub use azimuth::{Azimuth, NotFinite};
+pub use azimuth_list::AzimuthList;
 pub use check::{
     PictureSize, PlacedView, SheetProblem, SheetRequirements, check_document, check_mask_size,
     check_sizes, check_truth_size,

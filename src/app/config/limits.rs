@@ -1,6 +1,7 @@
 use clap::Args;
 use serde::{Deserialize, Serialize};
 
+use crate::model_io;
 use crate::sheet::ImageLimits;
 
 /// What an upload may cost.
@@ -29,12 +30,32 @@ pub struct LimitConfig {
     /// Most views of a sheet
     #[arg(long, env = "TURNAROUND_MAX_VIEWS", value_name = "N", default_value_t = 64)]
     pub max_views: usize,
+    /// Largest model file to draw, MiB
+    #[arg(long, env = "TURNAROUND_MAX_MODEL_MIB", value_name = "MIB", default_value_t = 64)]
+    pub max_model_mib: usize,
+    /// Most triangles of a model to draw
+    #[arg(
+        long,
+        env = "TURNAROUND_MAX_MODEL_TRIANGLES",
+        value_name = "N",
+        default_value_t = 1_000_000
+    )]
+    pub max_model_triangles: usize,
     /// Largest request body, MiB
     #[arg(long, env = "TURNAROUND_MAX_BODY_MIB", value_name = "MIB", default_value_t = 256)]
     pub max_body_mib: u64,
 }
 
 impl LimitConfig {
+    /// The limits of a model; formats without indices have three vertices a triangle.
+    pub fn model(&self) -> model_io::Limits {
+        model_io::Limits {
+            max_bytes: self.max_model_mib << 20,
+            max_vertices: 3 * self.max_model_triangles,
+            max_triangles: self.max_model_triangles,
+        }
+    }
+
     /// The limits of one picture.
     pub fn image(&self) -> ImageLimits {
         ImageLimits {

@@ -29,13 +29,13 @@ pub(super) const SETS: &[ViewSet] = &[
         shown_deg: None,
     },
     ViewSet {
-        name: "0..90 by 15",
+        name: "0:90:15",
         azimuths_deg: &[0.0, 15.0, 30.0, 45.0, 60.0, 75.0, 90.0],
         judges_solid: true,
         shown_deg: None,
     },
     ViewSet {
-        name: "0..90 by 5",
+        name: "0:90:5",
         azimuths_deg: &[
             0.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0, 45.0, 50.0, 55.0, 60.0, 65.0, 70.0,
             75.0, 80.0, 85.0, 90.0,
@@ -44,7 +44,7 @@ pub(super) const SETS: &[ViewSet] = &[
         shown_deg: Some(45.0),
     },
     ViewSet {
-        name: "40, 45, 50",
+        name: "40:50:5",
         azimuths_deg: &[40.0, 45.0, 50.0],
         judges_solid: false,
         shown_deg: None,

@@ -27,7 +27,7 @@ macro_rules! problem_types {
 problem_types! {
     UNSUPPORTED_MEDIA_TYPE = UNSUPPORTED_MEDIA_TYPE "unsupported-media-type",
         "The request's media type is not supported",
-        "Send drawings as multipart/form-data, as curl -F does, and let the client write the boundary.";
+        "Send uploads as multipart/form-data, as curl -F does, and let the client write the boundary.";
     MALFORMED_MULTIPART = BAD_REQUEST "malformed-multipart",
         "The multipart body is malformed",
         "The body ended early or its parts and boundaries do not fit RFC 7578. Send it again with a client that writes multipart/form-data itself.";
@@ -45,16 +45,16 @@ problem_types! {
         "The size in the picture's header is over the limit; no pixel was decoded. Scale the picture down.";
     TOO_MANY_VIEWS = UNPROCESSABLE_ENTITY "too-many-views",
         "There are too many views",
-        "The sheet has more views than one reconstruction takes. Leave some out.";
+        "The sheet has more views than one job takes. Leave some out.";
     TOO_FEW_VIEWS = UNPROCESSABLE_ENTITY "too-few-views",
         "There are fewer views than the method takes",
         "Add views, or choose a method that takes fewer.";
     MISSING_PART = UNPROCESSABLE_ENTITY "missing-part",
         "A part is missing",
-        "Send the drawings as parts view[AZIMUTH], or a part sheet with the files it names, or a part source with the id of an earlier reconstruction.";
+        "Send the drawings as parts view[AZIMUTH], or a part sheet with the files it names, or a part source with the id of an earlier reconstruction. A sheet to be drawn needs a part model.";
     UNKNOWN_PART = UNPROCESSABLE_ENTITY "unknown-part",
         "A part is not known",
-        "Parts are view[AZIMUTH], mask[AZIMUTH], truth[AZIMUTH], truth, truth_model, sheet, image, mask, options, source and single options by their dotted names. A file in the sheet form must be named by the sheet document.";
+        "Parts are view[AZIMUTH], mask[AZIMUTH], truth[AZIMUTH], truth, truth_model, sheet, image, mask, options, source and single options by their dotted names; of a sheet to be drawn, model, azimuths, up_axis and options. A file in the sheet form must be named by the sheet document.";
     DUPLICATE_PART = UNPROCESSABLE_ENTITY "duplicate-part",
         "A part is given twice",
         "Give every part, every option and every file name once.";
@@ -93,13 +93,37 @@ problem_types! {
         "A key is unknown or missing, or a value has the wrong type or range. The API description has the document's schema.";
     UNKNOWN_OPTION = UNPROCESSABLE_ENTITY "unknown-option",
         "An option is not known",
-        "/v1/options lists every option with its type, range, unit, default and meaning.";
+        "/v1/options lists every option of a reconstruction with its type, range, unit, default and meaning; /v1/sheet-options those of a sheet to be drawn.";
     INVALID_OPTION = UNPROCESSABLE_ENTITY "invalid-option",
         "An option's value is not accepted",
-        "The value has the wrong type, is out of range, or does not go with another option. /v1/options has the ranges.";
+        "The value has the wrong type, is out of range, or does not go with another option. /v1/options and /v1/sheet-options have the ranges.";
     UNKNOWN_SOURCE = UNPROCESSABLE_ENTITY "unknown-source",
         "There is no reconstruction to take the views from",
         "The part source must be the id of a reconstruction that has not been deleted.";
+    UNKNOWN_MODEL = UNPROCESSABLE_ENTITY "unknown-model",
+        "There is no such built-in model",
+        "The part model is a file, or builtin:NAME with the name of a built-in model. The problem's detail lists them.";
+    UNKNOWN_MODEL_FORMAT = UNPROCESSABLE_ENTITY "unknown-model-format",
+        "The model's format is not known",
+        "The format is told by the file's name, which must end in .glb, .gltf, .obj, .ply or .stl. Send the model as a file, as curl -F 'model=@NAME.glb' does.";
+    INVALID_MODEL = UNPROCESSABLE_ENTITY "invalid-model",
+        "The model cannot be read",
+        "The file is damaged, not of the format that its name says, has coordinates that are not finite, or no triangle with an area. Export it again.";
+    UNSUPPORTED_MODEL = UNPROCESSABLE_ENTITY "unsupported-model",
+        "The model needs a feature that is not supported",
+        "The file uses an extension or an encoding that is not read. Export it without, or in another format.";
+    EXTERNAL_REFERENCE = UNPROCESSABLE_ENTITY "external-reference",
+        "The model refers to other files",
+        "Only what the file itself holds is read. Export it as GLB, or as glTF with embedded buffers.";
+    MODEL_TOO_LARGE = PAYLOAD_TOO_LARGE "model-too-large",
+        "The model has too many triangles or vertices",
+        "The model is over the limit of this service. Decimate it.";
+    CAMERA_INSIDE_MODEL = UNPROCESSABLE_ENTITY "camera-inside-model",
+        "The model reaches behind the camera",
+        "Scale the model, move the camera back with the option distance, or let the model be fitted with the option fit.";
+    SHEET_TOO_LARGE = UNPROCESSABLE_ENTITY "sheet-too-large",
+        "The sheet that is asked for is too large",
+        "Ask for fewer views, smaller ones, or less supersampling.";
     INVALID_QUERY = BAD_REQUEST "invalid-query",
         "A query parameter is not valid",
         "A parameter is unknown or its value cannot be read. The API description lists what each operation takes.";
@@ -109,17 +133,20 @@ problem_types! {
     UNKNOWN_RECONSTRUCTION = NOT_FOUND "unknown-reconstruction",
         "There is no such reconstruction",
         "It was deleted or never existed. /v1/reconstructions lists those there are.";
+    UNKNOWN_SHEET = NOT_FOUND "unknown-sheet",
+        "There is no such sheet",
+        "It was deleted or never existed. /v1/sheets lists those there are.";
     UNKNOWN_ARTIFACT = NOT_FOUND "unknown-artifact",
         "There is no such artifact",
-        "Artifacts exist once a reconstruction has succeeded; which of them depends on the method. Its list of artifacts has their names.";
+        "Artifacts exist once a job has succeeded; which of them depends on the method. Its list of artifacts has their names.";
     METHOD_NOT_ALLOWED = METHOD_NOT_ALLOWED "method-not-allowed",
         "The method is not allowed here",
         "The Allow header lists the methods of this resource.";
     ALREADY_FINISHED = CONFLICT "already-finished",
-        "The reconstruction is finished already",
-        "Only queued and running reconstructions can be cancelled.";
+        "The job is finished already",
+        "Only queued and running jobs can be cancelled.";
     STILL_RUNNING = CONFLICT "still-running",
-        "The reconstruction is running",
+        "The job is running",
         "Cancel it first, wait until it has stopped, then delete it.";
     PRECONDITION_FAILED = PRECONDITION_FAILED "precondition-failed",
         "A precondition does not hold",

@@ -148,16 +148,14 @@ impl Problem {
 impl From<StoreError> for Problem {
     fn from(error: StoreError) -> Self {
         match error {
-            StoreError::NotFound(id) => {
-                Self::new(UNKNOWN_RECONSTRUCTION, format!("there is no reconstruction {id}"))
-            }
+            StoreError::NotFound(id) => Self::new(NOT_FOUND, format!("there is no job {id}")),
             StoreError::Finished { id } => Self::new(
                 ALREADY_FINISHED,
-                format!("reconstruction {id} is finished already, so it cannot be cancelled"),
+                format!("{id} is finished already, so it cannot be cancelled"),
             ),
             StoreError::Running { id } => Self::new(
                 STILL_RUNNING,
-                format!("reconstruction {id} is running; cancel it and wait, then delete it"),
+                format!("{id} is running; cancel it and wait, then delete it"),
             ),
             StoreError::LeaseLost { .. } => Self::internal("job store", &error),
             StoreError::Backend(cause) => Self::unavailable("job store", &cause),

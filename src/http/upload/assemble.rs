@@ -189,7 +189,8 @@ fn parse_sheet(value: Value) -> Result<SheetDocument, Problem> {
 
 /// Reads all options given, lying over `base`.
 pub fn parse_options(parts: &mut Parts, base: Option<Value>) -> Result<Options, Problem> {
-    let all = parts.options_over(base.unwrap_or_else(|| Value::Object(Map::new())))?;
+    let given = std::mem::take(&mut parts.given);
+    let all = given.over(base.unwrap_or_else(|| Value::Object(Map::new())))?;
     options::parse(&all).map_err(|problems| Problem::options(&problems))
 }
 

@@ -1,68 +1,99 @@
 //! Uploads: multipart bodies become durable jobs, or nothing at all.
 //!
 //! Every part is held against its limits while it arrives, the parts against
-//! each other once all are there, and every picture is decoded to its end. Only
-//! then is anything stored: first the inputs, then the job that needs them.
+//! each other once all are there, and every picture and model is decoded to its
+//! end. Only then is anything stored: first the inputs, then the job that needs them.
 
 mod assemble;
 mod files;
+mod given;
 mod intake;
+mod model;
 mod parts;
 mod pictures;
 mod source;
 mod truths;
 
 pub use intake::Budget;
+pub use model::ModelForm;
+pub use parts::Parts;
 pub use pictures::Decoders;
 
-use std::sync::Arc;
+use std::future::Future;
 
 use axum::extract::Request;
 use axum::http::{HeaderMap, HeaderValue, header};
 use bytes::Bytes;
 use futures::{StreamExt, stream};
-use multer::Multipart;
+use multer::{Field, Multipart};
+use serde::Serialize;
+use serde_json::Value;
 use tokio::sync::OwnedSemaphorePermit;
 
 use self::intake::{Intake, too_large};
-use self::parts::Parts;
-use super::Api;
 use super::problem::{Problem, REQUEST_TIMEOUT, UNSUPPORTED_MEDIA_TYPE};
+use super::{Api, HttpLimits};
 use crate::artifacts::{ByteError, ByteStore, Key};
 use crate::jobs::{Job, JobId, NewJob};
-use crate::sheet::{RECONSTRUCTION, ReconstructionPayload, SheetDocument};
 
 /// How many inputs are written at a time: each waits for the disk.
 const CONCURRENT_WRITES: usize = 8;
 
-/// Where a job's pictures come from.
+/// The parts of one kind of upload.
+pub trait Form: Default + Send {
+    /// Takes a part, held against its own limit while it arrives.
+    fn read_one(
+        &mut self,
+        field: Field<'_>,
+        limits: &HttpLimits,
+    ) -> impl Future<Output = Result<(), Problem>> + Send;
+
+    /// Checks the parts against each other and decodes them to their ends.
+    fn check(self, api: &Api) -> impl Future<Output = Result<Upload, Problem>> + Send;
+}
+
+/// A checked upload: the job that it will be.
+pub struct Upload {
+    kind: &'static str,
+    payload: Value,
+    inputs: Inputs,
+}
+
+/// Where a job's inputs come from.
 enum Inputs {
     Uploaded(Vec<(String, Bytes)>),
     /// The inputs of an earlier job, by name.
     Copied(JobId, Vec<String>),
 }
 
+impl Upload {
+    fn new(kind: &'static str, payload: &impl Serialize, inputs: Inputs) -> Result<Self, Problem> {
+        let payload = serde_json::to_value(payload);
+        let payload = payload.map_err(|error| Problem::internal("payload", &error))?;
+        Ok(Self { kind, payload, inputs })
+    }
+}
+
 /// Receives an upload and enqueues its job. Job and inputs are durable on return.
-pub async fn receive(api: &Arc<Api>, request: Request) -> Result<Job, Problem> {
+pub async fn receive<F: Form>(api: &Api, request: Request) -> Result<Job, Problem> {
     let receiving = async {
-        let (parts, hold) = read_parts(api, request).await?;
-        let (document, inputs) = check(api, parts).await?;
-        Ok((document, inputs, hold))
+        let (form, hold) = read_form::<F>(api, request).await?;
+        Ok((form.check(api).await?, hold))
     };
     let received = tokio::time::timeout(api.limits.upload_timeout, receiving).await;
-    let (document, inputs, _hold) = received.unwrap_or_else(|_| {
+    let (upload, _hold) = received.unwrap_or_else(|_| {
         let seconds = api.limits.upload_timeout.as_secs();
         let detail = format!("the upload took longer than {seconds} s; send it again");
         Err(Problem::new(REQUEST_TIMEOUT, detail))
     })?;
     // Beyond the timeout: nobody is told that a job failed to come that did.
-    enqueue(api, document, inputs).await
+    enqueue(api, upload).await
 }
 
-async fn read_parts(
+async fn read_form<F: Form>(
     api: &Api,
     request: Request,
-) -> Result<(Parts, Option<OwnedSemaphorePermit>), Problem> {
+) -> Result<(F, Option<OwnedSemaphorePermit>), Problem> {
     let (head, body) = request.into_parts();
     let limit = api.limits.max_body_bytes;
     let mut intake = Intake::new(body, limit, api.budget.clone());
@@ -71,7 +102,7 @@ async fn read_parts(
         Err(problem) => Err(problem),
     };
     match read {
-        Ok(parts) => Ok((parts, intake.into_hold())),
+        Ok(form) => Ok((form, intake.into_hold())),
         Err(problem) => {
             // A client that waits for 100 Continue sends nothing after this.
             if !head.headers.contains_key(header::EXPECT) {
@@ -100,32 +131,13 @@ fn check_head(headers: &HeaderMap, limit: u64) -> Result<String, Problem> {
     }
 }
 
-async fn check(api: &Api, mut parts: Parts) -> Result<(SheetDocument, Inputs), Problem> {
-    if let Some(source) = parts.source.take() {
-        let (id, document) = source::rerun(api, &source, parts).await?;
-        let names = source::input_names(&document);
-        return Ok((document, Inputs::Copied(id, names)));
-    }
-    let assembled = assemble::assemble(parts, &api.limits)?;
-    let decoded = api.decoders.decode_all(&assembled.pictures(), &api.limits.image).await?;
-    let truths = truths::check_all(&api.decoders, &assembled, &api.limits).await?;
-    let (document, inputs) = assembled.finish(&decoded, &truths, &api.limits)?;
-    Ok((document, Inputs::Uploaded(inputs)))
-}
-
-async fn enqueue(api: &Api, document: SheetDocument, inputs: Inputs) -> Result<Job, Problem> {
+async fn enqueue(api: &Api, upload: Upload) -> Result<Job, Problem> {
     let id = JobId::new();
-    let source = match &inputs {
-        Inputs::Uploaded(_) => None,
-        Inputs::Copied(source, _) => Some(source.0),
-    };
-    let payload = ReconstructionPayload { document, source };
+    let Upload { kind, payload, inputs } = upload;
     let stored = async {
         store_inputs(api, id, inputs).await?;
-        let payload = serde_json::to_value(payload);
-        let payload = payload.map_err(|error| Problem::internal("payload", &error))?;
         let max_attempts = api.state.max_attempts;
-        let job = NewJob { id, kind: RECONSTRUCTION.to_owned(), payload, max_attempts };
+        let job = NewJob { id, kind: kind.to_owned(), payload, max_attempts };
         Ok(api.state.store.enqueue(job).await?)
     };
     let result = stored.await;

@@ -2,18 +2,19 @@ use bytes::{Bytes, BytesMut};
 use multer::{Field, Multipart};
 use serde_json::Value;
 
+use super::assemble::assemble;
+use super::given::GivenOptions;
 use super::intake::multipart_problem;
-use crate::http::HttpLimits;
+use super::pictures::{check_start, image_problem};
+use super::{Form, Inputs, Upload, source, truths};
 use crate::http::problem::{
     BODY_TOO_LARGE, CONFLICTING_PARTS, DUPLICATE_AZIMUTH, DUPLICATE_PART, EMPTY_FILE,
-    INVALID_ANGLE, INVALID_JSON, INVALID_OPTION, INVALID_PART_NAME, PART_TOO_LARGE, Problem,
-    TOO_MANY_VIEWS, UNKNOWN_PART,
+    INVALID_ANGLE, INVALID_JSON, INVALID_PART_NAME, PART_TOO_LARGE, Problem, TOO_MANY_VIEWS,
+    UNKNOWN_PART,
 };
+use crate::http::{Api, HttpLimits};
 use crate::model_io::ModelFormat;
-use crate::options;
-use crate::sheet::Azimuth;
-
-use super::pictures::{check_start, image_problem};
+use crate::sheet::{Azimuth, RECONSTRUCTION, ReconstructionPayload};
 
 const MAX_PARTS: usize = 1024;
 const MAX_NAME_BYTES: usize = 200;
@@ -41,9 +42,7 @@ pub struct Parts {
     /// Files that a sheet document places.
     pub files: Vec<FilePart>,
     pub sheet: Option<Value>,
-    pub options: Option<Value>,
-    /// Single options, as nested objects.
-    pub fields: Vec<(String, Value)>,
+    pub given: GivenOptions,
     pub source: Option<String>,
 }
 
@@ -63,10 +62,12 @@ enum Kind {
     Field,
 }
 
-/// Reads all parts. Each is held against its own limit while it arrives, and
-/// pictures are refused as soon as their first bytes say enough.
-pub async fn read(mut multipart: Multipart<'_>, limits: &HttpLimits) -> Result<Parts, Problem> {
-    let mut parts = Parts::default();
+/// Reads all parts.
+pub async fn read<F: Form>(
+    mut multipart: Multipart<'_>,
+    limits: &HttpLimits,
+) -> Result<F, Problem> {
+    let mut form = F::default();
     let mut count = 0;
     while let Some(field) = multipart.next_field().await.map_err(multipart_problem)? {
         count += 1;
@@ -74,12 +75,13 @@ pub async fn read(mut multipart: Multipart<'_>, limits: &HttpLimits) -> Result<P
             let detail = format!("the body has more than {MAX_PARTS} parts; send fewer");
             return Err(Problem::new(BODY_TOO_LARGE, detail));
         }
-        parts.read_one(field, limits).await?;
+        form.read_one(field, limits).await?;
     }
-    Ok(parts)
+    Ok(form)
 }
 
-impl Parts {
+impl Form for Parts {
+    /// Pictures are refused as soon as their first bytes say enough.
     async fn read_one(&mut self, field: Field<'_>, limits: &HttpLimits) -> Result<(), Problem> {
         let name = part_name(&field)?;
         match kind(&name, field.file_name())? {
@@ -125,23 +127,37 @@ impl Parts {
                 expect_new(self.sheet.is_none(), &name)?;
                 self.sheet = Some(read_json(field, &name, limits).await?);
             }
-            Kind::Options => {
-                expect_new(self.options.is_none(), &name)?;
-                self.options = Some(read_json(field, &name, limits).await?);
-            }
+            Kind::Options => self.given.read_document(field, &name, limits).await?,
             Kind::Source => {
                 expect_new(self.source.is_none(), &name)?;
                 self.source = Some(read_text(field, &name).await?);
             }
-            Kind::Field => {
-                expect_new(!self.fields.iter().any(|(known, _)| *known == name), &name)?;
-                let value = options::nested(&name, &read_text(field, &name).await?);
-                self.fields.push((name, value));
-            }
+            Kind::Field => self.given.read_field(field, name).await?,
         }
         Ok(())
     }
 
+    async fn check(mut self, api: &Api) -> Result<Upload, Problem> {
+        let (document, source, inputs) = match self.source.take() {
+            Some(source) => {
+                let (id, document) = source::rerun(api, &source, self).await?;
+                let names = source::input_names(&document);
+                (document, Some(id.0), Inputs::Copied(id, names))
+            }
+            None => {
+                let assembled = assemble(self, &api.limits)?;
+                let pictures = assembled.pictures();
+                let decoded = api.decoders.decode_all(&pictures, &api.limits.image).await?;
+                let truths = truths::check_all(&api.decoders, &assembled, &api.limits).await?;
+                let (document, inputs) = assembled.finish(&decoded, &truths, &api.limits)?;
+                (document, None, Inputs::Uploaded(inputs))
+            }
+        };
+        Upload::new(RECONSTRUCTION, &ReconstructionPayload { document, source }, inputs)
+    }
+}
+
+impl Parts {
     fn expect_new_view(
         &self,
         azimuth: Azimuth,
@@ -186,21 +202,6 @@ impl Parts {
         names.next().or(self.truth.is_some().then(|| "truth".to_owned()))
     }
 
-    /// All options of the upload; later sources lie over earlier ones: `base`,
-    /// the part `options`, single fields.
-    pub fn options_over(&mut self, base: Value) -> Result<Value, Problem> {
-        let mut all = base;
-        let given = self.options.take().into_iter().map(|value| ("options".to_owned(), value));
-        for (part, value) in given.chain(self.fields.drain(..)) {
-            if !value.is_object() {
-                let detail = "`options` must be a JSON object, nested by stage";
-                return Err(Problem::new(INVALID_OPTION, detail).part(part));
-            }
-            options::merge(&mut all, value);
-        }
-        Ok(all)
-    }
-
     /// Refuses parts of another upload form beside `form`.
     pub fn expect_only(&self, form: &str, others: [Option<&String>; 3]) -> Result<(), Problem> {
         let Some(part) = others.into_iter().flatten().next() else { return Ok(()) };
@@ -214,7 +215,7 @@ fn too_many(part: &str, limits: &HttpLimits) -> Problem {
     Problem::new(TOO_MANY_VIEWS, detail).part(part)
 }
 
-fn expect_new(is_new: bool, part: &str) -> Result<(), Problem> {
+pub(super) fn expect_new(is_new: bool, part: &str) -> Result<(), Problem> {
     if is_new {
         return Ok(());
     }
@@ -222,7 +223,7 @@ fn expect_new(is_new: bool, part: &str) -> Result<(), Problem> {
     Err(Problem::new(DUPLICATE_PART, detail).part(part))
 }
 
-fn part_name(field: &Field<'_>) -> Result<String, Problem> {
+pub(super) fn part_name(field: &Field<'_>) -> Result<String, Problem> {
     match field.name() {
         Some(name) if !name.is_empty() && name.len() <= MAX_NAME_BYTES => Ok(name.to_owned()),
         Some(name) => {
@@ -280,7 +281,7 @@ pub fn unknown_part(name: &str) -> Problem {
     Problem::new(UNKNOWN_PART, detail).part(name)
 }
 
-fn is_option_name(name: &str) -> bool {
+pub(super) fn is_option_name(name: &str) -> bool {
     name.bytes().all(|b| b.is_ascii_alphanumeric() || matches!(b, b'_' | b'.'))
 }
 
@@ -333,7 +334,11 @@ fn model_bytes(limits: &HttpLimits) -> u64 {
     limits.model.max_bytes as u64
 }
 
-async fn read_json(field: Field<'_>, part: &str, limits: &HttpLimits) -> Result<Value, Problem> {
+pub(super) async fn read_json(
+    field: Field<'_>,
+    part: &str,
+    limits: &HttpLimits,
+) -> Result<Value, Problem> {
     let bytes = read_limited(field, part, limits.max_document_bytes).await?;
     serde_json::from_slice(&bytes).map_err(|error| {
         let detail = format!("`{part}` is not valid JSON: {error}");
@@ -341,7 +346,7 @@ async fn read_json(field: Field<'_>, part: &str, limits: &HttpLimits) -> Result<
     })
 }
 
-async fn read_text(field: Field<'_>, part: &str) -> Result<String, Problem> {
+pub(super) async fn read_text(field: Field<'_>, part: &str) -> Result<String, Problem> {
     let bytes = read_limited(field, part, MAX_FIELD_BYTES).await?;
     String::from_utf8(bytes.to_vec()).map_err(|_| {
         let detail = format!("the value of `{part}` is not UTF-8 text");
@@ -349,7 +354,11 @@ async fn read_text(field: Field<'_>, part: &str) -> Result<String, Problem> {
     })
 }
 
-async fn read_limited(mut field: Field<'_>, part: &str, limit: usize) -> Result<Bytes, Problem> {
+pub(super) async fn read_limited(
+    mut field: Field<'_>,
+    part: &str,
+    limit: usize,
+) -> Result<Bytes, Problem> {
     let mut bytes = BytesMut::new();
     while let Some(chunk) = field.chunk().await.map_err(multipart_problem)? {
         if bytes.len() + chunk.len() > limit {

@@ -59,7 +59,7 @@ impl Decoders {
     }
 
     /// Runs `work` on a blocking thread once there is a slot.
-    pub(super) async fn run<T: Send + 'static>(
+    pub async fn run<T: Send + 'static>(
         &self,
         work: impl FnOnce() -> T + Send + 'static,
     ) -> Result<T, Problem> {

@@ -5,7 +5,7 @@ use super::parts::Parts;
 use crate::http::Api;
 use crate::http::problem::{DIFFERING_SIZES, Problem, UNKNOWN_SOURCE};
 use crate::jobs::{JobId, StoreError};
-use crate::sheet::{ReconstructionPayload, SheetDocument};
+use crate::sheet::{RECONSTRUCTION, ReconstructionPayload, SheetDocument};
 
 /// The document of a job that runs again on the views of `source`: its options
 /// with the given ones laid over them.
@@ -23,6 +23,9 @@ pub async fn rerun(
         StoreError::NotFound(_) => unknown(source),
         other => other.into(),
     })?;
+    if job.kind != RECONSTRUCTION {
+        return Err(unknown(source));
+    }
     let payload: ReconstructionPayload = serde_json::from_value(job.payload)
         .map_err(|error| Problem::internal("stored sheet document", &error))?;
     let mut document = payload.document;

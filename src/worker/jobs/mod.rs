@@ -1,5 +1,7 @@
 //! The kinds of work, one file each.
 
+mod draw;
 mod reconstruct;
 
+pub use draw::Draw;
 pub use reconstruct::Reconstruct;

@@ -1,16 +1,16 @@
 use std::str::FromStr;
 
-use crate::sheet::Azimuth;
+use super::Azimuth;
 
-/// Azimuths as the command line writes them: `0,45,90` or `0:90:5` (from, to,
+/// Azimuths as people write them: `0,45,90` or `0:90:5` (from, to,
 /// step, both ends included), also mixed; sorted, each once.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Azimuths(pub Vec<Azimuth>);
+pub struct AzimuthList(pub Vec<Azimuth>);
 
 /// More azimuths than any sheet has are a slip of the pen.
 const MOST: usize = 3600;
 
-impl FromStr for Azimuths {
+impl FromStr for AzimuthList {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
@@ -56,7 +56,7 @@ mod tests {
     use super::*;
 
     fn degrees(text: &str) -> Vec<f64> {
-        text.parse::<Azimuths>().unwrap().0.iter().map(|a| a.degrees()).collect()
+        text.parse::<AzimuthList>().unwrap().0.iter().map(|a| a.degrees()).collect()
     }
 
     #[test]
@@ -74,7 +74,7 @@ mod tests {
     #[test]
     fn nonsense_is_refused() {
         for text in ["", "a", "0:90", "0:90:0", "90:0:5", "nan", "0:inf:5", "0:1e9:0.001"] {
-            assert!(text.parse::<Azimuths>().is_err(), "{text}");
+            assert!(text.parse::<AzimuthList>().is_err(), "{text}");
         }
     }
 }

@@ -1,0 +1,225 @@
+//! What the kinds of jobs have in common as resources of the interface.
+
+use std::marker::PhantomData;
+
+use axum::Json;
+use axum::extract::rejection::{PathRejection, QueryRejection};
+use axum::extract::{FromRequestParts, Path, Query};
+use axum::http::request::Parts;
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use axum_extra::headers::{ETag, HeaderMapExt};
+use serde::{Deserialize, Serialize};
+use utoipa::IntoParams;
+
+use super::Api;
+use super::conditional::{PREFERENCE_APPLIED, is_known, preferred_wait};
+use super::problem::{INVALID_QUERY, Problem, ProblemType};
+use super::representation::State as JobStateName;
+use super::wait::wait_until;
+use crate::jobs::{Job, JobId, ListQuery, StoreError};
+
+const DEFAULT_LIMIT: u32 = 20;
+const MAX_LIMIT: u32 = 100;
+/// After how many seconds a client that polls should look again.
+const RETRY_AFTER: HeaderValue = HeaderValue::from_static("1");
+
+/// A kind of job, as clients see it.
+pub trait Resource: Send + Sync + 'static {
+    /// The kind in the job store.
+    const KIND: &'static str;
+    /// Where the collection is.
+    const PATH: &'static str;
+    /// What messages call one of them.
+    const NOUN: &'static str;
+    /// The problem of an id that is of none of them.
+    const UNKNOWN: ProblemType;
+    /// How one of them is answered.
+    type View: for<'j> From<&'j Job> + Serialize;
+
+    /// The path of one of them.
+    fn path(id: JobId) -> String {
+        format!("{}/{id}", Self::PATH)
+    }
+}
+
+/// The id of an `R` in the path. What is no id names none.
+pub struct Id<R>(pub JobId, PhantomData<R>);
+
+impl<R: Resource> Id<R> {
+    pub fn parse(text: &str) -> Result<JobId, Problem> {
+        text.parse().map_err(|_| {
+            let detail = format!("there is no {} `{text}`; ids are UUIDs", R::NOUN);
+            Problem::new(R::UNKNOWN, detail)
+        })
+    }
+}
+
+impl<R: Resource, S: Send + Sync> FromRequestParts<S> for Id<R> {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Problem> {
+        let id: Result<Path<String>, PathRejection> = Path::from_request_parts(parts, state).await;
+        let Path(id) = id.map_err(|error| Problem::new(R::UNKNOWN, error.body_text()))?;
+        Ok(Self(Self::parse(&id)?, PhantomData))
+    }
+}
+
+/// Which jobs to list.
+#[derive(Debug, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub struct ListParameters {
+    /// Only those in this state.
+    state: Option<JobStateName>,
+    /// At most this many.
+    #[param(minimum = 1, maximum = 100, default = 20)]
+    limit: Option<u32>,
+    /// Where to go on: from the last answer's `next`.
+    cursor: Option<String>,
+}
+
+/// The job with this id, if it is an `R`.
+pub async fn find<R: Resource>(api: &Api, id: JobId) -> Result<Job, Problem> {
+    let job = api.state.store.get(id).await.map_err(store_problem::<R>)?;
+    if job.kind == R::KIND { Ok(job) } else { Err(unknown::<R>(id)) }
+}
+
+fn unknown<R: Resource>(id: JobId) -> Problem {
+    Problem::new(R::UNKNOWN, format!("there is no {} {id}", R::NOUN))
+}
+
+fn store_problem<R: Resource>(error: StoreError) -> Problem {
+    match error {
+        StoreError::NotFound(id) => unknown::<R>(id),
+        other => other.into(),
+    }
+}
+
+/// The answer to an upload that has become a job.
+pub fn accepted<R: Resource>(job: &Job) -> Result<Response, Problem> {
+    tracing::info!(id = %job.id, kind = job.kind, "queued");
+    let mut response = (StatusCode::ACCEPTED, Json(R::View::from(job))).into_response();
+    let location = HeaderValue::from_str(&R::path(job.id))
+        .map_err(|error| Problem::internal("location", &error))?;
+    response.headers_mut().insert(header::LOCATION, location);
+    response.headers_mut().insert(header::RETRY_AFTER, RETRY_AFTER);
+    Ok(response)
+}
+
+/// Answers part of the list, newest first.
+///
+/// * `body`: makes the document of the jobs and the URI of the next part.
+pub async fn list<R: Resource, B: Serialize>(
+    api: &Api,
+    query: Result<Query<ListParameters>, QueryRejection>,
+    body: impl FnOnce(Vec<R::View>, Option<String>) -> B,
+) -> Result<Response, Problem> {
+    let Query(parameters) =
+        query.map_err(|error| Problem::new(INVALID_QUERY, error.body_text()))?;
+    let limit = parameters.limit.unwrap_or(DEFAULT_LIMIT);
+    if !(1..=MAX_LIMIT).contains(&limit) {
+        let detail = format!("`limit` is {limit}; give 1 to {MAX_LIMIT}");
+        return Err(Problem::new(INVALID_QUERY, detail).parameter("limit"));
+    }
+    let before = parameters.cursor.as_deref().map(cursor).transpose()?;
+    let state = parameters.state.map(Into::into);
+    let query = ListQuery { kind: Some(R::KIND.to_owned()), state, before, limit };
+    let page = api.state.store.list(&query).await?;
+    let next = page.next.map(|id| next_uri::<R>(parameters.state, limit, id));
+    let link = next
+        .as_ref()
+        .and_then(|next| HeaderValue::from_str(&format!("<{next}>; rel=\"next\"")).ok());
+    let views = page.jobs.iter().map(R::View::from).collect();
+    let mut response = Json(body(views, next)).into_response();
+    if let Some(link) = link {
+        response.headers_mut().insert(header::LINK, link);
+    }
+    Ok(response)
+}
+
+fn cursor(text: &str) -> Result<JobId, Problem> {
+    text.parse().map_err(|_| {
+        let detail = "`cursor` must come from the `next` of an earlier answer";
+        Problem::new(INVALID_QUERY, detail).parameter("cursor")
+    })
+}
+
+fn next_uri<R: Resource>(state: Option<JobStateName>, limit: u32, cursor: JobId) -> String {
+    let state = state.and_then(|state| serde_json::to_value(state).ok());
+    let state = state.as_ref().and_then(|state| state.as_str());
+    let state = state.map(|state| format!("state={state}&")).unwrap_or_default();
+    format!("{}?{state}limit={limit}&cursor={cursor}", R::PATH)
+}
+
+/// Answers one job, at once or when it has changed or finished.
+pub async fn get<R: Resource>(
+    api: &Api,
+    id: JobId,
+    headers: &HeaderMap,
+) -> Result<Response, Problem> {
+    let wait = preferred_wait(headers);
+    let is_conditional = headers.contains_key(header::IF_NONE_MATCH);
+    let is_reached = |job: &Job| {
+        job.state.is_final() || (is_conditional && !is_known(headers, &version_of(job)))
+    };
+    let job = match wait {
+        Some(wait) => wait_until::<R>(api, id, wait, is_reached).await?,
+        None => find::<R>(api, id).await?,
+    };
+    let mut response = unless_known(headers, &job, || R::View::from(&job));
+    let answer = response.headers_mut();
+    answer.insert(header::CACHE_CONTROL, HeaderValue::from_static("private, no-cache"));
+    if !job.state.is_final() {
+        answer.insert(header::RETRY_AFTER, RETRY_AFTER);
+    }
+    if let Some(applied) = wait.and_then(|wait| applied(wait.as_secs())) {
+        answer.insert(PREFERENCE_APPLIED, applied);
+    }
+    Ok(response)
+}
+
+/// Answers what belongs to the job's version, unless the client has that version already.
+pub fn unless_known<B: Serialize>(
+    headers: &HeaderMap,
+    job: &Job,
+    body: impl FnOnce() -> B,
+) -> Response {
+    let etag = version_of(job);
+    let mut response = if is_known(headers, &etag) {
+        StatusCode::NOT_MODIFIED.into_response()
+    } else {
+        Json(body()).into_response()
+    };
+    response.headers_mut().typed_insert(etag);
+    response
+}
+
+fn applied(seconds: u64) -> Option<HeaderValue> {
+    HeaderValue::from_str(&format!("wait={seconds}")).ok()
+}
+
+/// The ETag of a job's representation; weak, because it may be compressed.
+fn version_of(job: &Job) -> ETag {
+    let etag = format!("W/\"{}\"", job.version).parse();
+    etag.expect("a number in quotes is an ETag")
+}
+
+/// Asks for cancellation.
+pub async fn cancel<R: Resource>(api: &Api, id: JobId) -> Result<Response, Problem> {
+    find::<R>(api, id).await?;
+    let job = api.state.store.request_cancel(id).await.map_err(store_problem::<R>)?;
+    let status = if job.state.is_final() { StatusCode::OK } else { StatusCode::ACCEPTED };
+    Ok((status, Json(R::View::from(&job))).into_response())
+}
+
+/// Deletes a job with its bytes.
+pub async fn delete<R: Resource>(api: &Api, id: JobId) -> Result<StatusCode, Problem> {
+    find::<R>(api, id).await?;
+    api.state.store.delete(id).await.map_err(store_problem::<R>)?;
+    if let Err(error) = api.state.bytes.delete_job(id).await {
+        // The row is gone; the collector of ownerless bytes takes the rest.
+        tracing::warn!(%id, %error, "bytes of a deleted job stay for now");
+    }
+    Ok(StatusCode::NO_CONTENT)
+}

@@ -1,0 +1,231 @@
+use std::sync::Arc;
+
+use axum::extract::rejection::QueryRejection;
+use axum::extract::{Query, Request, State};
+use axum::http::{HeaderMap, Method, StatusCode};
+use axum::response::Response;
+
+use super::Api;
+use super::artifacts::{self, IdAndName};
+use super::events;
+use super::openapi::problem_responses;
+use super::problem::*;
+use super::representation::ArtifactList;
+use super::resource::{self, Id, ListParameters, Resource};
+use super::sheet_representation::{Sheet, SheetList};
+use super::upload::{self, ModelForm};
+use crate::draw::DRAWING;
+
+/// Models on their way to a drawn sheet.
+pub struct Sheets;
+
+impl Resource for Sheets {
+    const KIND: &'static str = DRAWING;
+    const PATH: &'static str = "/v1/sheets";
+    const NOUN: &'static str = "sheet";
+    const UNKNOWN: ProblemType = UNKNOWN_SHEET;
+    type View = Sheet;
+}
+
+problem_responses! {
+    UploadProblems: UNSUPPORTED_MEDIA_TYPE, MALFORMED_MULTIPART, INVALID_PART_NAME, INVALID_JSON,
+        BODY_TOO_LARGE, PART_TOO_LARGE, MODEL_TOO_LARGE, MISSING_PART, UNKNOWN_PART,
+        DUPLICATE_PART, INVALID_ANGLE, EMPTY_FILE, UNKNOWN_MODEL, UNKNOWN_MODEL_FORMAT,
+        INVALID_MODEL, UNSUPPORTED_MODEL, EXTERNAL_REFERENCE, CAMERA_INSIDE_MODEL,
+        TOO_MANY_VIEWS, SHEET_TOO_LARGE, UNKNOWN_OPTION, INVALID_OPTION, REQUEST_TIMEOUT, BUSY,
+        UNAVAILABLE
+}
+problem_responses! { JobProblems: UNKNOWN_SHEET, UNAVAILABLE }
+problem_responses! { ListProblems: INVALID_QUERY, UNAVAILABLE }
+problem_responses! { CancelProblems: UNKNOWN_SHEET, ALREADY_FINISHED, UNAVAILABLE }
+problem_responses! { DeleteProblems: UNKNOWN_SHEET, STILL_RUNNING, UNAVAILABLE }
+problem_responses! {
+    ArtifactProblems: UNKNOWN_SHEET, UNKNOWN_ARTIFACT, PRECONDITION_FAILED,
+        RANGE_NOT_SATISFIABLE, UNAVAILABLE
+}
+
+/// Upload a model and have its sheet drawn.
+///
+/// Answers once the job and its model are durable. Follow `Location`. The result is what a
+/// reconstruction takes, with the truth of every view: depth, disparity, mask, normals.
+#[utoipa::path(
+    post,
+    path = "/v1/sheets",
+    operation_id = "create_sheet",
+    tag = "sheets",
+    request_body(content = ref("#/components/schemas/ModelUpload"), content_type = "multipart/form-data"),
+    responses(
+        (status = 202, description = "Queued", body = Sheet,
+         headers(("Location" = String), ("Retry-After" = u32))),
+        UploadProblems,
+    )
+)]
+pub async fn create(State(api): State<Arc<Api>>, request: Request) -> Result<Response, Problem> {
+    let job = upload::receive::<ModelForm>(&api, request).await?;
+    resource::accepted::<Sheets>(&job)
+}
+
+/// List drawn sheets, newest first.
+#[utoipa::path(
+    get,
+    path = "/v1/sheets",
+    operation_id = "list_sheets",
+    tag = "sheets",
+    params(ListParameters),
+    responses(
+        (status = 200, description = "Part of the list", body = SheetList,
+         headers(("Link" = String, description = "The next part, as rel=next"))),
+        ListProblems,
+    )
+)]
+pub async fn list(
+    State(api): State<Arc<Api>>,
+    query: Result<Query<ListParameters>, QueryRejection>,
+) -> Result<Response, Problem> {
+    resource::list::<Sheets, _>(&api, query, |sheets, next| SheetList { sheets, next }).await
+}
+
+/// Get a drawn sheet.
+///
+/// With `Prefer: wait=N` the answer comes when it has finished or, beside
+/// `If-None-Match`, when it has changed; at the latest after N seconds.
+#[utoipa::path(
+    get,
+    path = "/v1/sheets/{id}",
+    operation_id = "get_sheet",
+    tag = "sheets",
+    params(
+        ("id" = String, Path, format = "uuid", description = "The sheet"),
+        ("If-None-Match" = Option<String>, Header, description = "ETag of the version known"),
+        ("Prefer" = Option<String>, Header, description = "How many seconds to wait, up to 60",
+         example = "wait=10"),
+    ),
+    responses(
+        (status = 200, description = "As it is now", body = Sheet,
+         headers(("ETag" = String), ("Retry-After" = u32), ("Preference-Applied" = String))),
+        (status = 304, description = "As in If-None-Match"),
+        JobProblems,
+    )
+)]
+pub async fn get(
+    State(api): State<Arc<Api>>,
+    id: Id<Sheets>,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    resource::get::<Sheets>(&api, id.0, &headers).await
+}
+
+/// Follow the drawing of a sheet.
+///
+/// Server-sent events, as those of a reconstruction.
+#[utoipa::path(
+    get,
+    path = "/v1/sheets/{id}/events",
+    operation_id = "sheet_events",
+    tag = "sheets",
+    params(
+        ("id" = String, Path, format = "uuid", description = "The sheet"),
+        ("Last-Event-ID" = Option<u64>, Header, description = "Number of the last event received"),
+    ),
+    responses(
+        (status = 200, description = "Events, until the final one", body = String,
+         content_type = "text/event-stream"),
+        (status = 204, description = "The final event was received already"),
+        JobProblems,
+    )
+)]
+pub async fn events(
+    State(api): State<Arc<Api>>,
+    id: Id<Sheets>,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    events::stream::<Sheets>(api, id.0, &headers).await
+}
+
+/// Cancel the drawing of a sheet.
+///
+/// One that is queued is cancelled at once; one that runs stops before its next view.
+#[utoipa::path(
+    post,
+    path = "/v1/sheets/{id}/cancel",
+    operation_id = "cancel_sheet",
+    tag = "sheets",
+    params(("id" = String, Path, format = "uuid", description = "The sheet")),
+    responses(
+        (status = 200, description = "Cancelled", body = Sheet),
+        (status = 202, description = "Will stop soon", body = Sheet),
+        CancelProblems,
+    )
+)]
+pub async fn cancel(State(api): State<Arc<Api>>, id: Id<Sheets>) -> Result<Response, Problem> {
+    resource::cancel::<Sheets>(&api, id.0).await
+}
+
+/// Delete a sheet with its model and files.
+#[utoipa::path(
+    delete,
+    path = "/v1/sheets/{id}",
+    operation_id = "delete_sheet",
+    tag = "sheets",
+    params(("id" = String, Path, format = "uuid", description = "The sheet")),
+    responses((status = 204, description = "Deleted"), DeleteProblems)
+)]
+pub async fn delete(State(api): State<Arc<Api>>, id: Id<Sheets>) -> Result<StatusCode, Problem> {
+    resource::delete::<Sheets>(&api, id.0).await
+}
+
+/// List the files of a sheet.
+#[utoipa::path(
+    get,
+    path = "/v1/sheets/{id}/artifacts",
+    operation_id = "sheet_artifacts",
+    tag = "sheets",
+    params(("id" = String, Path, format = "uuid", description = "The sheet")),
+    responses(
+        (status = 200, description = "In order of publication; empty until it has succeeded",
+         body = ArtifactList, headers(("ETag" = String))),
+        (status = 304, description = "As in If-None-Match"),
+        JobProblems,
+    )
+)]
+pub async fn artifacts(
+    State(api): State<Arc<Api>>,
+    id: Id<Sheets>,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    artifacts::list::<Sheets>(&api, id.0, &headers).await
+}
+
+/// Get a file of a sheet.
+///
+/// Its bytes never change: the ETag is the content's SHA-256. Takes byte ranges, If-Match,
+/// If-None-Match and If-Range.
+#[utoipa::path(
+    method(get, head),
+    path = "/v1/sheets/{id}/artifacts/{*name}",
+    operation_id = "sheet_artifact",
+    tag = "sheets",
+    params(
+        ("id" = String, Path, format = "uuid", description = "The sheet"),
+        ("name" = String, Path, description = "Name from the list",
+         example = "view_045.png"),
+        ("Range" = Option<String>, Header, description = "One byte range", example = "bytes=0-1023"),
+    ),
+    responses(
+        (status = 200, description = "The bytes, in the media type of the list", body = Vec<u8>,
+         content_type = "application/octet-stream",
+         headers(("ETag" = String), ("Accept-Ranges" = String), ("Content-Disposition" = String))),
+        (status = 206, description = "The bytes of the range", body = Vec<u8>,
+         content_type = "application/octet-stream", headers(("Content-Range" = String))),
+        (status = 304, description = "As in If-None-Match"),
+        ArtifactProblems,
+    )
+)]
+pub async fn artifact(
+    State(api): State<Arc<Api>>,
+    path: IdAndName,
+    method: Method,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    artifacts::named::<Sheets>(&api, path, &method, &headers).await
+}
