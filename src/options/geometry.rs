@@ -5,9 +5,12 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Estimator {
-    /// RANSAC over 7-point samples.
+    /// RANSAC over 7-point samples; least median of squares below 15 matches,
+    /// as in OpenCV.
     #[default]
     Ransac,
+    /// RANSAC over normalised 8-point samples, refitted to all that agree.
+    EightPointRansac,
     /// Least median of squares.
     Lmeds,
     /// Normalised 8-point over all matches, none rejected.
@@ -19,12 +22,16 @@ pub enum Estimator {
 #[serde(default, deny_unknown_fields)]
 pub struct EpipolarOptions {
     pub estimator: Estimator,
-    /// RANSAC's inlier threshold: distance to the epipolar line, px.
+    /// RANSAC's inlier threshold: distance to the epipolar line, px; not used
+    /// by the other estimators.
     #[schemars(range(min = 0.01, max = 100.0))]
     pub max_error_px: f64,
     /// Confidence that the estimate is right, as a share.
     #[schemars(range(min = 0.5, max = 0.999999))]
     pub confidence: f64,
+    /// Samples that RANSAC draws at most.
+    #[schemars(range(min = 1, max = 20000))]
+    pub max_iterations: u32,
     /// Mean Sampson distance of the inliers, px², above which a pair's
     /// detection is tried again.
     #[schemars(range(min = 0.0, max = 1000000.0))]
@@ -40,6 +47,7 @@ impl Default for EpipolarOptions {
             estimator: Estimator::default(),
             max_error_px: 2.0,
             confidence: 0.99,
+            max_iterations: 1000,
             max_mean_sampson_px2: 100.0,
             tries: 1,
         }

@@ -130,7 +130,8 @@ impl Options {
         {
             problems.push(problem(
                 "detection.descriptor",
-                "SIFT keypoints cannot take ORB descriptors; use sift".to_owned(),
+                "SIFT keypoints cannot take ORB descriptors: their pyramids differ; use sift or surf"
+                    .to_owned(),
             ));
         }
         let disparity = &self.disparity;

@@ -5,13 +5,16 @@ use serde::Serialize;
 
 use super::pair::PairFailure;
 use super::pairs::PairName;
-use super::variation::vary_detection;
+use super::variation::{pair_seed, vary_detection};
 use crate::options::{DetectionOptions, Options};
 use crate::sheet::View;
 use crate::vision::{
     Correspondence, EpipolarGeometry, FeatureError, Features, Match, detect_and_describe,
     estimate_fundamental, match_descriptors, mean_distance, sampson_distance_px2,
 };
+
+/// Sets the estimate's random stream apart from those of detection tries.
+const SEED_PURPOSE: u64 = 2 << 32;
 
 /// A match as coordinates, OpenCV's pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -65,7 +68,7 @@ pub(super) fn correspond<E>(
     options: &Options,
     check: impl Fn() -> Result<(), E>,
 ) -> Result<Correspondences, E> {
-    let mut best = attempt(features, &options.detection, options, 1);
+    let mut best = attempt(pair, features, &options.detection, options, 1);
     for number in 2..=options.epipolar.tries {
         if best.tries.last().is_some_and(|last| last.passed) {
             break;
@@ -73,7 +76,7 @@ pub(super) fn correspond<E>(
         check()?;
         let detection = vary_detection(&options.detection, options.seed, pair, number - 1);
         let found = views.map(|view| detect_and_describe(&view.image, &detection));
-        let next = attempt([&found[0], &found[1]], &detection, options, number);
+        let next = attempt(pair, [&found[0], &found[1]], &detection, options, number);
         best = better(best, next);
     }
     Ok(best)
@@ -88,6 +91,7 @@ fn better(old: Correspondences, new: Correspondences) -> Correspondences {
 }
 
 fn attempt(
+    pair: PairName,
     features: [&ViewFeatures; 2],
     detection: &DetectionOptions,
     options: &Options,
@@ -98,7 +102,8 @@ fn attempt(
     let (matches, geometry) = match match_features(features, options) {
         Ok(matches) => {
             let points: Vec<_> = matches.iter().map(|m| m.points).collect();
-            let geometry = estimate_fundamental(&points, &options.epipolar)
+            let seed = pair_seed(options.seed, pair, SEED_PURPOSE);
+            let geometry = estimate_fundamental(&points, &options.epipolar, seed)
                 .map_err(PairFailure::EpipolarGeometry);
             (matches, geometry)
         }
@@ -116,8 +121,9 @@ fn match_features(
     let [left, right] =
         features.map(|found| found.as_ref().map_err(|error| PairFailure::Features(error.clone())));
     let (left, right) = (left?, right?);
-    let matches = match_descriptors(&left.descriptors, &right.descriptors, &options.matching)
-        .map_err(PairFailure::Matching)?;
+    let matches =
+        match_descriptors(&left.descriptors, &right.descriptors, &options.matching, options.seed)
+            .map_err(PairFailure::Matching)?;
     Ok(matches.iter().map(|found| located(found, left, right)).collect())
 }
 

@@ -58,6 +58,10 @@ pub(super) fn vary_detection(
             sift.contrast_threshold = (given.sift.contrast_threshold * factor(2.0)).min(10.0);
             sift.edge_threshold = (given.sift.edge_threshold * factor(1.0)).clamp(1.0, 1000.0);
         }
+        Detector::Surf => {
+            let surf = &mut varied.surf;
+            surf.hessian_threshold = (given.surf.hessian_threshold * factor(2.0)).min(1e6);
+        }
     }
     varied
 }

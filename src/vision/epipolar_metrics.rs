@@ -95,7 +95,9 @@ fn square_ratio(residual: f64, denominator: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::vision::optimal_correction::{optimal_correction, reprojection_error_px2};
+    use crate::vision::optimal_correction::{
+        null_vector, optimal_correction, reprojection_error_px2,
+    };
     use nalgebra::{Matrix3x4, Point3, Rotation3, Vector2};
     use rand::{Rng, SeedableRng};
     use rand_chacha::ChaCha8Rng;

@@ -10,6 +10,7 @@ mod cloud;
 mod combine;
 mod cv;
 mod disparity;
+mod eight_point;
 mod epipolar;
 mod epipolar_metrics;
 mod features;

@@ -68,7 +68,7 @@ fn translation(to: Point2<f64>) -> Matrix3<f64> {
 /// The right null vector of a rank-2 matrix, from the rows that differ most:
 /// more accurate than an SVD when entries span many orders of magnitude.
 /// `None` when all rows are parallel to within rounding.
-fn null_vector(matrix: &Matrix3<f64>) -> Option<Vector3<f64>> {
+pub(super) fn null_vector(matrix: &Matrix3<f64>) -> Option<Vector3<f64>> {
     let [one, two, three] = [0, 1, 2].map(|index| matrix.row(index).transpose());
     let (normal, scale) = [(one, two), (one, three), (two, three)]
         .map(|(a, b)| (a.cross(&b), a.norm() * b.norm()))
