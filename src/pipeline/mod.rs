@@ -9,6 +9,7 @@ mod pair;
 mod pairs;
 mod reconstruct;
 mod report;
+mod search;
 mod tracker;
 mod variation;
 
@@ -19,3 +20,4 @@ pub use pair::{PairFailure, PairOutcome, PairResult, rectified_pair};
 pub use pairs::{PairName, SkippedPair};
 pub use reconstruct::{PipelineError, Reconstruction, ViewResult, check_size, reconstruct};
 pub use report::{HullReport, MeanMetrics, Metrics, PairMetrics, ValueRange, ViewMetrics, measure};
+pub use search::{DisparityGrid, DisparityTry, best_try, search_disparity};
