@@ -8,21 +8,49 @@ use std::path::{Path, PathBuf};
 const MAY_USE: &[(&str, &[&str])] = &[
     ("float_image", &[]),
     ("geometry", &[]),
-    ("sheet", &["geometry", "options"]),
+    ("sheet", &["geometry", "model_io", "options"]),
     ("options", &[]),
     ("jobs", &[]),
     ("artifacts", &["jobs"]),
     ("vision", &["float_image", "geometry", "options", "sheet"]),
     ("pipeline", &["float_image", "geometry", "options", "sheet", "vision"]),
     ("turntable", &["float_image", "geometry", "options", "sheet"]),
-    ("export", &["float_image", "geometry", "options", "pipeline", "sheet", "turntable", "vision"]),
+    (
+        "export",
+        &[
+            "evaluation",
+            "float_image",
+            "geometry",
+            "options",
+            "pipeline",
+            "sheet",
+            "turntable",
+            "vision",
+        ],
+    ),
     ("model_io", &["geometry"]),
     ("models", &["geometry", "model_io"]),
     ("draw", &["float_image", "geometry", "model_io", "models", "sheet"]),
     ("evaluation", &["float_image", "geometry", "sheet"]),
-    ("draft", &["float_image", "export", "geometry", "options", "pipeline", "sheet", "turntable"]),
+    (
+        "draft",
+        &[
+            "evaluation",
+            "export",
+            "float_image",
+            "geometry",
+            "model_io",
+            "options",
+            "pipeline",
+            "sheet",
+            "turntable",
+        ],
+    ),
     ("worker", &["artifacts", "draft", "export", "jobs", "options", "pipeline", "sheet"]),
-    ("http", &["artifacts", "draft", "jobs", "options", "pipeline", "sheet"]),
+    (
+        "http",
+        &["artifacts", "draft", "evaluation", "jobs", "model_io", "options", "pipeline", "sheet"],
+    ),
 ];
 
 /// Modules that compute and do nothing else.

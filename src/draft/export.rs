@@ -2,14 +2,19 @@ use rayon::ThreadPool;
 
 use super::outbox::{Files, Outbox};
 use super::timing::Timed;
+use super::truth::Truths;
 use super::{DraftError, EmitArtifact};
+use crate::evaluation::{
+    TruthReport, ViewComparison, ViewTruth, disparity_from_depth, disparity_from_pairs,
+    evaluate_view,
+};
 use crate::export::{
     Artifact, ArtifactName, ExportFrame, MeshExtras, MetricsDocument, PairArtifact, ViewArtifact,
     cloud_ply, glb, matches_json, matches_png, rectified_png, thumbnail,
 };
 use crate::options::Options;
 use crate::pipeline::{Metrics, Observer, PairResult, Reconstruction, ViewResult, rectified_pair};
-use crate::sheet::{Sheet, View};
+use crate::sheet::{Azimuth, Sheet, View};
 
 /// Makes the artifacts of the method `uncalibrated`, in a fixed order.
 pub(super) struct Exporter<'a> {
@@ -84,7 +89,11 @@ impl<'a> Exporter<'a> {
         self.outbox.unit_done("mesh")
     }
 
-    pub fn metrics(&mut self, metrics: &Metrics) -> Result<(), DraftError> {
+    pub fn metrics(
+        &mut self,
+        metrics: &Metrics,
+        truth: Option<&TruthReport>,
+    ) -> Result<(), DraftError> {
         let (width_px, height_px) =
             self.sheet.views().first().map_or((0, 0), |view| view.image.dimensions());
         let json = MetricsDocument {
@@ -93,6 +102,7 @@ impl<'a> Exporter<'a> {
             height_px,
             options: self.options,
             metrics,
+            truth,
             pixels_per_metre: self.frame.map(|frame| frame.pixels_per_metre()),
             depth_pictures: self.outbox.take_depth_pictures(),
             artifacts: self.outbox.names(),
@@ -118,6 +128,40 @@ impl<'a> Exporter<'a> {
             version: env!("CARGO_PKG_VERSION").to_owned(),
         }
     }
+}
+
+/// Holds the maps and the hull against what is known to be true.
+pub(super) fn against_truth(
+    reconstruction: &Reconstruction,
+    truths: Option<&Truths<'_>>,
+    pool: &ThreadPool,
+    observer: &dyn Observer,
+) -> Result<Option<TruthReport>, DraftError> {
+    let Some(truths) = truths else { return Ok(None) };
+    let compare = |azimuth, truth: &ViewTruth| compare_view(reconstruction, azimuth, truth);
+    let hull = reconstruction.hull.as_ref().map_err(|error| format!("no hull: {error}"));
+    truths.evaluate(&compare, hull, pool, observer).map(Some)
+}
+
+fn compare_view(
+    reconstruction: &Reconstruction,
+    azimuth: Azimuth,
+    truth: &ViewTruth,
+) -> Result<ViewComparison, DraftError> {
+    let Some(view) = reconstruction.views.iter().find(|view| view.azimuth == azimuth) else {
+        return Ok(ViewComparison::default());
+    };
+    let pair_degs = reconstruction.pair_degs_of(azimuth);
+    let report =
+        |map| evaluate_view(&map, truth).map_err(|error| DraftError::Internal(error.to_string()));
+    let disparity =
+        view.disparity.as_ref().map(|map| report(disparity_from_pairs(map, &pair_degs)));
+    let depth = view.depth.as_ref().map(|map| report(disparity_from_depth(map)));
+    Ok(ViewComparison {
+        disparity: disparity.transpose()?,
+        depth: depth.transpose()?,
+        silhouette: None,
+    })
 }
 
 /// The frame is laid by the hull, or by the whole cloud if it has none.

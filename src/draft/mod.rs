@@ -4,6 +4,7 @@ mod decode;
 mod export;
 mod outbox;
 mod timing;
+mod truth;
 mod turntable;
 mod turntable_export;
 
@@ -20,6 +21,7 @@ use crate::sheet::{ImageLimits, Sheet, SheetDocument};
 use decode::decode_sheet;
 use export::Exporter;
 use timing::Timed;
+use truth::Truths;
 use turntable_export::TurntableExporter;
 
 /// Why there is no draft.
@@ -108,7 +110,9 @@ pub fn produce(
     let pool = pool(threads)?;
     let timed = Timed::new(observer);
     let sheet = decode_sheet(document, &options, read, limits, &pool, &timed.decoding())?;
-    let run = Run { sheet: &sheet, options: &options, pool: &pool, threads, timed: &timed };
+    let truths = Truths::read(document, &sheet, read, limits, &pool, &timed.decoding())?;
+    let (truths, timed) = (truths.as_ref(), &timed);
+    let run = Run { sheet: &sheet, options: &options, truths, pool: &pool, threads, timed };
     match options.method {
         Method::Uncalibrated => uncalibrated(&run, emit),
         Method::Turntable => turntable(&run, document, emit),
@@ -119,25 +123,27 @@ pub fn produce(
 struct Run<'a> {
     sheet: &'a Sheet,
     options: &'a Options,
+    truths: Option<&'a Truths<'a>>,
     pool: &'a ThreadPool,
     threads: usize,
     timed: &'a Timed<'a>,
 }
 
 fn uncalibrated(run: &Run<'_>, emit: EmitArtifact<'_>) -> Result<Summary, DraftError> {
-    let Run { sheet, options, pool, threads, timed } = *run;
+    let Run { sheet, options, truths, pool, threads, timed } = *run;
     let reconstruction = reconstruct(sheet, options, threads, &timed.reconstructing())?;
     timed.computed();
     let (width_px, height_px) =
         sheet.views().first().map_or((0, 0), |view| view.image.dimensions());
     let metrics = measure(&reconstruction, width_px, height_px);
     let exporting = timed.exporting();
+    let truth = export::against_truth(&reconstruction, truths, pool, &exporting)?;
     let mut exporter = Exporter::new(sheet, &reconstruction, options, pool, &exporting, emit);
     exporter.views()?;
     exporter.pairs()?;
     exporter.cloud()?;
     exporter.mesh()?;
-    exporter.metrics(&metrics)?;
+    exporter.metrics(&metrics, truth.as_ref())?;
     Ok(Summary {
         views: sheet.views().len(),
         pairs: reconstruction.pairs.len(),
@@ -152,15 +158,16 @@ fn turntable(
     document: &SheetDocument,
     emit: EmitArtifact<'_>,
 ) -> Result<Summary, DraftError> {
-    let Run { sheet, options, pool, threads, timed } = *run;
+    let Run { sheet, options, truths, pool, threads, timed } = *run;
     let draft = turntable::compute(sheet, document, options, pool, &timed.reconstructing())?;
     timed.computed();
     let metrics = turntable_export::measure(&draft, options);
     let exporting = timed.exporting();
+    let truth = turntable_export::against_truth(&draft, truths, pool, &exporting)?;
     let mut exporter = TurntableExporter::new(&draft, options, pool, &exporting, emit)?;
     exporter.views()?;
     exporter.mesh()?;
-    exporter.metrics(&metrics)?;
+    exporter.metrics(&metrics, truth.as_ref())?;
     Ok(Summary {
         views: sheet.views().len(),
         pairs: 0,

@@ -6,8 +6,13 @@ use serde::Serialize;
 
 use super::outbox::{Files, Outbox};
 use super::timing::Timed;
+use super::truth::Truths;
 use super::turntable::TurntableDraft;
 use super::{DraftError, EmitArtifact};
+use crate::evaluation::{
+    TruthReport, ViewComparison, ViewTruth, compare_silhouettes, disparity_from_depth,
+    evaluate_view, true_mask,
+};
 use crate::export::{
     Artifact, ArtifactName, ExportFrame, MetricsDocument, TurntableGlbError, TurntableSheet,
     ViewArtifact, normals_png, quad_obj, silhouette_png, solid_glb, textured_glb, thumbnail,
@@ -15,6 +20,7 @@ use crate::export::{
 use crate::geometry::Mesh;
 use crate::options::Options;
 use crate::pipeline::{Observer, ValueRange};
+use crate::sheet::Azimuth;
 use crate::turntable::depth::{Fallback, ViewDepth, normals_from_depth};
 use crate::turntable::mesh::texture::best_views;
 use crate::turntable::mesh::topology::check_manifold;
@@ -133,7 +139,11 @@ impl<'a> TurntableExporter<'a> {
         self.outbox.unit_done("mesh")
     }
 
-    pub fn metrics(&mut self, metrics: &TurntableMetrics) -> Result<(), DraftError> {
+    pub fn metrics(
+        &mut self,
+        metrics: &TurntableMetrics,
+        truth: Option<&TruthReport>,
+    ) -> Result<(), DraftError> {
         for name in [ArtifactName::Cloud, ArtifactName::Hull] {
             self.outbox.take(Files::none(name, "the method turntable makes solid.glb instead"))?;
         }
@@ -143,6 +153,7 @@ impl<'a> TurntableExporter<'a> {
             height_px: self.draft.views.height(),
             options: self.options,
             metrics,
+            truth,
             pixels_per_metre: Some(self.frame.pixels_per_metre()),
             depth_pictures: self.outbox.take_depth_pictures(),
             artifacts: self.outbox.names(),
@@ -157,6 +168,37 @@ impl<'a> TurntableExporter<'a> {
     pub fn finish(self, timed: &Timed<'_>, threads: usize) -> Result<Vec<String>, DraftError> {
         self.outbox.finish(timed, threads)
     }
+}
+
+/// Holds the maps and the solid against what is known to be true.
+pub(super) fn against_truth(
+    draft: &TurntableDraft,
+    truths: Option<&Truths<'_>>,
+    pool: &ThreadPool,
+    observer: &dyn Observer,
+) -> Result<Option<TruthReport>, DraftError> {
+    let Some(truths) = truths else { return Ok(None) };
+    let compare = |azimuth, truth: &ViewTruth| compare_view(draft, azimuth, truth);
+    truths.evaluate(&compare, Ok(&draft.solid.mesh), pool, observer).map(Some)
+}
+
+fn compare_view(
+    draft: &TurntableDraft,
+    azimuth: Azimuth,
+    truth: &ViewTruth,
+) -> Result<ViewComparison, DraftError> {
+    let views = draft.depths.iter().zip(&draft.silhouettes.silhouettes);
+    let Some((view, silhouette)) = views.into_iter().find(|(view, _)| view.azimuth == azimuth)
+    else {
+        return Ok(ViewComparison::default());
+    };
+    let internal = |error: &dyn std::error::Error| DraftError::Internal(error.to_string());
+    let depth = evaluate_view(&disparity_from_depth(&view.depth_px), truth)
+        .map_err(|error| internal(&error))?;
+    let silhouette = compare_silhouettes(silhouette.mask(), &true_mask(truth))
+        .map_err(|error| internal(&error))?;
+    // The disparity served is the depth's: one figure tells of both.
+    Ok(ViewComparison { disparity: None, depth: Some(depth), silhouette: Some(silhouette) })
 }
 
 /// Puts together what each stage says.

@@ -7,6 +7,7 @@
 mod boundary;
 mod grey;
 mod occupancy;
+mod report;
 mod silhouette;
 mod solid;
 mod statistics;
@@ -16,6 +17,9 @@ mod view;
 mod winding;
 
 pub use grey::GreyBad2;
+pub use report::{
+    MeanReport, ModelReport, TruthReport, ViewComparison, ViewTruthReport, compare_model,
+};
 pub use silhouette::{HoleReport, SilhouetteError, SilhouetteReport, compare_silhouettes};
 pub use solid::{SolidError, SolidOptions, SolidReport, SolidTruth};
 pub use statistics::pearson_correlation;
@@ -23,6 +27,6 @@ pub use surface::SurfaceReport;
 pub use truth::{DepthScale, RawTruth, TruthEncoding, TruthError, decode_truth};
 pub use view::{
     PxBad2, REFERENCE_PAIR_DEG, ViewEvaluationError, ViewReport, ViewTruth, disparity_from_depth,
-    disparity_from_pair, evaluate_view,
+    disparity_from_pairs, evaluate_view, has_values, true_mask,
 };
 pub use winding::WindingField;

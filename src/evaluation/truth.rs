@@ -1,16 +1,18 @@
 use std::io::Cursor;
 
 use image::{DynamicImage, ImageFormat, ImageReader};
+use serde::Serialize;
 
-use super::view::{ViewTruth, disparity_from_depth, disparity_from_pair};
+use super::view::{ViewTruth, disparity_from_depth, disparity_from_pairs};
 use crate::float_image::{FloatImage, PfmError, decode_pfm};
-use crate::sheet::ImageLimits;
+use crate::sheet::{ImageLimits, SheetDocument, TruthKind};
 
 /// Float pictures write "nothing here" as a number this large or larger.
 const FLOAT_NOTHING: f32 = 1e9;
 
 /// How a picture of true values stores them.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum TruthEncoding {
     Png8,
     Png16,
@@ -141,10 +143,12 @@ impl RawTruth {
     /// Without a `scale` only the order of depths is known. What is not in
     /// front of the camera plane counts as missing.
     pub fn as_depth(&self, scale: Option<DepthScale>) -> ViewTruth {
+        // Depths from the axis plane itself have either sign.
+        let signed = scale.is_some_and(|scale| scale.camera_distance == 0.0);
         let depth = |to_px: &dyn Fn(f64) -> f64| {
             let mut map = self.values.clone();
             for image::Luma([value]) in map.pixels_mut() {
-                let in_front = *value > 0.0;
+                let in_front = *value > 0.0 || signed;
                 *value = if in_front { to_px(f64::from(*value)) as f32 } else { f32::NAN };
             }
             map
@@ -157,14 +161,48 @@ impl RawTruth {
         }
     }
 
-    /// Reads the values as disparity, nearer being larger.
+    /// Reads the values as disparity.
     ///
-    /// * `pair_deg`: the angle of the pair whose disparity it is in px, 5 in
-    ///   the dissertation's sheets; `None` for an 8-bit ramp or the like.
+    /// * `pair_deg`: the signed angle from the view to the one that the
+    ///   disparity is towards: how far to the left each point moves, px. `None`
+    ///   for an 8-bit ramp or the like, nearer being larger.
     pub fn as_disparity(&self, pair_deg: Option<f64>) -> ViewTruth {
-        match pair_deg {
-            Some(pair_deg) => ViewTruth::Metric(disparity_from_pair(&self.values, pair_deg)),
-            None => ViewTruth::Relative(self.values.clone()),
+        let Some(pair_deg) = pair_deg else { return ViewTruth::Relative(self.values.clone()) };
+        let mut values = self.values.clone();
+        if pair_deg < 0.0 {
+            // Towards a view behind, nearer is smaller.
+            values.iter_mut().for_each(|value| *value = -*value);
+        }
+        ViewTruth::Metric(disparity_from_pairs(&values, &[pair_deg]))
+    }
+
+    /// Reads the values as the sheet says: in px where its scale is known.
+    pub fn of_sheet(&self, kind: TruthKind, document: &SheetDocument) -> ViewTruth {
+        let truth = document.truth.clone().unwrap_or_default();
+        match kind {
+            TruthKind::Disparity => self.as_disparity(truth.disparity_pair_deg),
+            TruthKind::Depth => {
+                let counts_per_unit = match self.encoding {
+                    TruthEncoding::Png8 | TruthEncoding::Png16 => truth.depth_counts_per_unit,
+                    TruthEncoding::Pfm | TruthEncoding::Exr => Some(1.0),
+                };
+                let scale = counts_per_unit.zip(truth.camera_distance);
+                let scale = scale.zip(document.pixels_per_unit);
+                self.as_depth(scale.map(|((counts_per_unit, camera_distance), pixels_per_unit)| {
+                    DepthScale { counts_per_unit, camera_distance, pixels_per_unit }
+                }))
+            }
+        }
+    }
+}
+
+impl TruthEncoding {
+    /// The usual ending of such a file's name.
+    pub fn extension(self) -> &'static str {
+        match self {
+            Self::Png8 | Self::Png16 => "png",
+            Self::Pfm => "pfm",
+            Self::Exr => "exr",
         }
     }
 }
@@ -172,6 +210,7 @@ impl RawTruth {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sheet::TruthDocument;
     use image::{GrayImage, ImageBuffer, Luma, Rgb, Rgb32FImage, RgbaImage};
 
     fn encode(image: impl Into<DynamicImage>, format: ImageFormat) -> Vec<u8> {
@@ -228,9 +267,58 @@ mod tests {
         let mut pfm = b"Pf\n3 1\n-1\n".to_vec();
         pfm.extend([0.0_f32, -1.5, f32::INFINITY].into_iter().flat_map(f32::to_le_bytes));
         let raw = decode(&pfm);
-        let ViewTruth::Metric(map) = raw.as_disparity(Some(5.0)) else { panic!("not metric") };
+        let ViewTruth::Relative(map) = raw.as_disparity(None) else { panic!("not relative") };
         assert_eq!(map.as_raw()[..2], [0.0, -1.5]);
         assert!(map.as_raw()[2].is_nan());
+    }
+
+    /// A point at x and d moves by x (1 - cos t) - d sin t towards the view at t.
+    #[test]
+    fn disparity_towards_a_neighbour_is_depth_again() {
+        let (x, d) = ([-1.0, 0.0, 1.0], [40.0, -30.0, 7.0]);
+        for t in [15.0_f64, -10.0] {
+            let (sin, cos) = t.to_radians().sin_cos();
+            let towards = |i: usize| (x[i] * (1.0 - cos) - d[i] * sin) as f32;
+            let values = FloatImage::from_raw(3, 1, (0..3).map(towards).collect()).unwrap();
+            let raw = RawTruth { encoding: TruthEncoding::Pfm, values };
+            let ViewTruth::Metric(map) = raw.as_disparity(Some(t)) else { panic!("not metric") };
+            for (found, d) in map.iter().zip(d) {
+                let expected = -d * 5.0_f64.to_radians().sin();
+                assert!((f64::from(*found) - expected).abs() < 1e-4, "{found} for {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_sheet_says_how_pictures_are_read() {
+        let values = FloatImage::from_raw(2, 1, vec![7.0, 9.0]).unwrap();
+        let read = |encoding, kind, truth: TruthDocument| {
+            let document = SheetDocument {
+                pixels_per_unit: Some(10.0),
+                truth: Some(truth),
+                ..SheetDocument::default()
+            };
+            RawTruth { encoding, values: values.clone() }.of_sheet(kind, &document)
+        };
+        let placed = TruthDocument { camera_distance: Some(8.0), ..TruthDocument::default() };
+        let units = read(TruthEncoding::Pfm, TruthKind::Depth, placed.clone());
+        let near = (10.0 * 5.0_f64.to_radians().sin()) as f32;
+        let ViewTruth::Metric(map) = units else { panic!("not metric") };
+        assert!((map.as_raw()[0] - near).abs() < 1e-5 && (map.as_raw()[1] + near).abs() < 1e-5);
+        // Counts of a PNG are of no known size.
+        let counts = read(TruthEncoding::Png16, TruthKind::Depth, placed);
+        assert!(matches!(counts, ViewTruth::Relative(map) if map.as_raw() == &[-7.0, -9.0]));
+        let ramp = read(TruthEncoding::Png8, TruthKind::Disparity, TruthDocument::default());
+        assert_eq!(ramp, ViewTruth::Relative(values.clone()));
+    }
+
+    #[test]
+    fn depths_from_the_axis_plane_have_either_sign() {
+        let values = FloatImage::from_raw(2, 1, vec![-3.0, 4.0]).unwrap();
+        let raw = RawTruth { encoding: TruthEncoding::Pfm, values };
+        let scale = DepthScale { counts_per_unit: 1.0, camera_distance: 0.0, pixels_per_unit: 1.0 };
+        let ViewTruth::Metric(map) = raw.as_depth(Some(scale)) else { panic!("not metric") };
+        assert!(map.iter().all(|value| value.is_finite()));
     }
 
     #[test]

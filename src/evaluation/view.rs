@@ -1,4 +1,4 @@
-use image::Luma;
+use image::{GrayImage, Luma};
 use serde::Serialize;
 
 use super::grey::{GreyBad2, grey_bad2};
@@ -20,6 +20,19 @@ pub enum ViewTruth {
     Metric(FloatImage),
     /// Known up to scale and offset only, such as an 8-bit ramp.
     Relative(FloatImage),
+}
+
+/// Whether any pixel has a true value.
+pub fn has_values(truth: &ViewTruth) -> bool {
+    truth.values().iter().any(|value| value.is_finite())
+}
+
+/// The subject's mask by the truth: 255 where there is a true value.
+pub fn true_mask(truth: &ViewTruth) -> GrayImage {
+    let values = truth.values();
+    GrayImage::from_fn(values.width(), values.height(), |x, y| {
+        Luma([if values.get_pixel(x, y).0[0].is_finite() { 255 } else { 0 }])
+    })
 }
 
 impl ViewTruth {
@@ -80,9 +93,28 @@ pub fn disparity_from_depth(depth_px: &FloatImage) -> FloatImage {
     scaled(depth_px, -REFERENCE_PAIR_DEG.to_radians().sin())
 }
 
-/// Brings the disparity of a pair `pair_deg` apart to the 5-degree pair's.
-pub fn disparity_from_pair(disparity_px: &FloatImage, pair_deg: f64) -> FloatImage {
-    scaled(disparity_px, REFERENCE_PAIR_DEG.to_radians().sin() / pair_deg.to_radians().sin())
+/// Brings a view's disparity to the 5-degree pair's, [`disparity_from_depth`].
+///
+/// * `disparity_px`: the mean of the view's maps towards its neighbours,
+///   nearer being larger in each, as stereo matchers give it.
+/// * `pair_degs`: the signed angles to those neighbours.
+///
+/// A point at column x from the axis, the picture's middle, and at depth d has
+/// `±x (1 - cos t) - d sin |t|` towards the view at t, the sign being t's. What
+/// depends on the column is taken off, the rest scaled.
+pub fn disparity_from_pairs(disparity_px: &FloatImage, pair_degs: &[f64]) -> FloatImage {
+    let mean = |of: &dyn Fn(f64) -> f64| {
+        pair_degs.iter().map(|t| of(t.to_radians())).sum::<f64>() / pair_degs.len() as f64
+    };
+    let per_column = mean(&|t| t.signum() * (1.0 - t.cos()));
+    let scale = REFERENCE_PAIR_DEG.to_radians().sin() / mean(&|t| t.abs().sin());
+    let middle = f64::from(disparity_px.width()) / 2.0;
+    let mut map = disparity_px.clone();
+    for (column, _, Luma([value])) in map.enumerate_pixels_mut() {
+        let x = f64::from(column) + 0.5 - middle;
+        *value = ((f64::from(*value) - x * per_column) * scale) as f32;
+    }
+    map
 }
 
 fn scaled(map: &FloatImage, factor: f64) -> FloatImage {
@@ -224,8 +256,29 @@ mod tests {
         let near = disparity_from_depth(&map(1, &[-100.0, NONE]));
         assert!((f64::from(near.as_raw()[0]) - 100.0 * sin).abs() < 1e-5);
         assert!(near.as_raw()[1].is_nan());
-        let wide = disparity_from_pair(&map(1, &[10.0]), 15.0);
-        assert!((f64::from(wide.as_raw()[0]) - 10.0 * sin / 15.0_f64.to_radians().sin()) < 1e-5);
+        // One column: it is on the axis.
+        let wide = disparity_from_pairs(&map(1, &[10.0]), &[15.0]);
+        let expected = 10.0 * sin / 15.0_f64.to_radians().sin();
+        assert!((f64::from(wide.as_raw()[0]) - expected).abs() < 1e-5);
+    }
+
+    /// Points at columns x and depths d, seen from views before and ahead.
+    #[test]
+    fn the_column_s_part_goes_from_one_sided_and_uneven_pairs() {
+        let (x, d) = ([-1.0, 0.0, 1.0], [40.0_f64, -30.0, 7.0]);
+        let towards = |i: usize, t_deg: f64| {
+            let t = t_deg.to_radians();
+            t.signum() * x[i] * (1.0 - t.cos()) - d[i] * t.abs().sin()
+        };
+        for degs in [&[15.0][..], &[-10.0], &[5.0, -5.0], &[5.0, -20.0]] {
+            let mean = |i| degs.iter().map(|t| towards(i, *t)).sum::<f64>() / degs.len() as f64;
+            let values: Vec<f32> = (0..3).map(|i| mean(i) as f32).collect();
+            let found = disparity_from_pairs(&map(3, &values), degs);
+            for (found, d) in found.iter().zip(d) {
+                let expected = -d * 5.0_f64.to_radians().sin();
+                assert!((f64::from(*found) - expected).abs() < 1e-4, "{degs:?}: {found}");
+            }
+        }
     }
 
     #[test]

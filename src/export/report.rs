@@ -2,6 +2,7 @@ use serde::Serialize;
 
 use super::maps::DepthEncoding;
 use super::png::EncodeError;
+use crate::evaluation::TruthReport;
 use crate::options::Options;
 
 /// A file that could have been and is not.
@@ -30,6 +31,8 @@ pub struct MetricsDocument<'a, M> {
     pub options: &'a Options,
     #[serde(flatten)]
     pub metrics: &'a M,
+    /// Against what is known to be true; null without truth.
+    pub truth: Option<&'a TruthReport>,
     /// Sheet pixels a metre of the exported meshes and clouds.
     pub pixels_per_metre: Option<f64>,
     /// `depth_px = offset_px + scale_px * value`; the value 0 is missing.

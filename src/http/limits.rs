@@ -1,12 +1,15 @@
 use std::time::Duration;
 
+use crate::model_io;
 use crate::sheet::ImageLimits;
 
 /// What one client may ask of the service.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HttpLimits {
-    /// Each drawing and mask.
+    /// Each drawing, mask and picture of true values.
     pub image: ImageLimits,
+    /// The true model.
+    pub model: model_io::Limits,
     /// A whole upload, bytes.
     pub max_body_bytes: u64,
     /// Views of one reconstruction.
@@ -27,6 +30,11 @@ impl Default for HttpLimits {
     fn default() -> Self {
         Self {
             image: ImageLimits::default(),
+            model: model_io::Limits {
+                max_bytes: 64 << 20,
+                max_vertices: 1_000_000,
+                max_triangles: 2_000_000,
+            },
             max_body_bytes: 256 << 20,
             max_views: 64,
             max_document_bytes: 1 << 20,

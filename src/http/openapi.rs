@@ -120,6 +120,9 @@ fn upload_schema() -> Value {
             "image": {"type": "array", "items": picture,
                 "description": "The files that the sheet names."},
             "options": {"$ref": "#/components/schemas/Options"},
+            "truth": truth_schema(),
+            "truth_model": {"type": "string", "format": "binary",
+                "description": "The true model (OBJ, PLY, STL, GLB, glTF), its origin on the turntable axis at the pictures' middle row; `truth` then gives `pixels_per_unit`. In the sheet form the document names it."},
             "source": {"type": "string", "format": "uuid",
                 "description": "An earlier reconstruction: its views are taken again, and its options for those not given."},
             "view[0]": picture, "view[45]": picture, "view[90]": picture,
@@ -129,8 +132,31 @@ fn upload_schema() -> Value {
                 "description": "The drawing (PNG, JPEG, WebP, TIFF) at this azimuth in degrees."},
             "^mask\\[.+\\]$": {"type": "string", "format": "binary",
                 "description": "The mask of the drawing at this azimuth: white inside."},
+            "^truth\\[.+\\]$": {"type": "string", "format": "binary",
+                "description": "True depth or disparity of the view at this azimuth: PNG (8 or 16 bits, 0 is background), PFM or EXR. The metrics then tell how the result compares."},
         },
         "additionalProperties": {"type": "string", "description": "A single option."},
+    })
+}
+
+/// What the part `truth` says: a sheet document's own truth, and what it says
+/// elsewhere.
+fn truth_schema() -> Value {
+    let number = |description: &str| json!({"type": "number", "description": description});
+    json!({
+        "type": "object",
+        "description": "How the pictures `truth[AZIMUTH]` and the part `truth_model` are to be read; a sheet document says so itself.",
+        "additionalProperties": false,
+        "properties": {
+            "kind": {"enum": ["depth", "disparity"],
+                "description": "What the pictures hold: distance from the camera plane, or disparity (nearer is larger). Unsaid, 8-bit PNG are ramps of nearness and all others depth."},
+            "pixels_per_unit": number("Sheet pixels a unit of depth and of the model."),
+            "model_up_axis": {"enum": ["y", "z"],
+                "description": "Which axis of the model points up; glTF has y, the others are read as z."},
+            "depth_counts_per_unit": number("Counts of PNG depth pictures a unit."),
+            "camera_distance": number("Distance of the camera plane from the turntable axis, units."),
+            "disparity_pair_deg": number("Signed angle from each view to the one that disparity pictures are towards, degrees: they are px then."),
+        },
     })
 }
 
@@ -140,6 +166,7 @@ fn describe_upload(document: &mut Value) {
     body["content"]["multipart/form-data"]["encoding"] = json!({
         "sheet": {"contentType": "application/json"},
         "options": {"contentType": "application/json"},
+        "truth": {"contentType": "application/json"},
         "image": {"contentType": "image/png, image/jpeg, image/webp, image/tiff"},
     });
 }

@@ -34,6 +34,8 @@ pub struct Reconstruction {
     pub options: Value,
     /// By rising azimuth.
     pub views: Vec<ViewSummary>,
+    /// Whether a true model came with it.
+    pub truth_model: bool,
     /// How far the current attempt is; never goes back within an attempt.
     pub progress: Option<Progress>,
     /// Why it failed.
@@ -72,6 +74,8 @@ pub struct ViewSummary {
     pub elevation_deg: f64,
     /// Whether a mask came as a picture of its own.
     pub mask: bool,
+    /// Whether a picture of true values came with it.
+    pub truth: bool,
 }
 
 /// How far an attempt is.
@@ -178,6 +182,7 @@ impl From<&Job> for Reconstruction {
             method: options["method"].as_str().map(str::to_owned),
             options,
             views: summaries(&document),
+            truth_model: document.truth.is_some_and(|truth| truth.model.is_some()),
             progress: job.progress.clone().and_then(|value| serde_json::from_value(value).ok()),
             failure: job.failure.clone().map(FailureReason::from),
             created_at: job.created_at,
@@ -194,6 +199,7 @@ fn summaries(document: &SheetDocument) -> Vec<ViewSummary> {
             azimuth_deg: Azimuth::from_degrees(view.azimuth_deg).ok()?.degrees(),
             elevation_deg: view.elevation_deg.unwrap_or(document.elevation_deg),
             mask: view.mask.is_some(),
+            truth: view.truth().is_some(),
         })
     };
     document.views.iter().filter_map(summary).collect()

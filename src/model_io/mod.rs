@@ -64,6 +64,17 @@ impl ModelFormat {
         }
     }
 
+    /// The usual ending of such a file's name.
+    pub fn extension(self) -> &'static str {
+        match self {
+            Self::Glb => "glb",
+            Self::Gltf => "gltf",
+            Self::Obj => "obj",
+            Self::Ply => "ply",
+            Self::Stl => "stl",
+        }
+    }
+
     /// The up axis by convention: glTF prescribes Y; the others prescribe none and are read as Z,
     /// the frame that the sheets' own models are written in.
     pub fn default_up_axis(self) -> UpAxis {

@@ -96,6 +96,16 @@ impl Reconstruction {
         self.pairs.iter().filter(|pair| pair.rectification().is_some())
     }
 
+    /// The signed angles from the view at `azimuth` to the neighbours whose
+    /// pairs its disparity comes from, degrees.
+    pub fn pair_degs_of(&self, azimuth: Azimuth) -> Vec<f64> {
+        let towards = |pair: &PairResult| {
+            let ahead = (pair.name.left == azimuth).then_some(pair.angle_deg);
+            ahead.or((pair.name.right == azimuth).then_some(-pair.angle_deg))
+        };
+        self.usable_pairs().filter_map(towards).collect()
+    }
+
     /// The merged cloud, turntable frame, px: every `stride`-th pixel of every
     /// `stride`-th row of each joined view, in chain order.
     pub fn cloud(&self, stride: u32) -> impl Iterator<Item = Point3<f64>> {

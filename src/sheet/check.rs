@@ -1,6 +1,6 @@
 use std::collections::BTreeMap;
 
-use super::{Azimuth, SheetDocument, ViewDocument};
+use super::{Azimuth, SheetDocument, TruthDocument, TruthKind, ViewDocument};
 
 const MAX_NAME_BYTES: usize = 200;
 const MAX_HOLES: usize = 1000;
@@ -24,6 +24,8 @@ pub struct PlacedView {
     pub image: String,
     /// Name of the subject's mask.
     pub mask: Option<String>,
+    /// Name of the picture of true values, and what it holds.
+    pub truth: Option<(TruthKind, String)>,
 }
 
 /// Why a sheet document, or the pictures it names, cannot be worked with.
@@ -37,8 +39,12 @@ pub enum SheetProblem {
     InvalidAngle { place: String, value: f64 },
     #[error("{place} is {value}; give {accepted}")]
     InvalidNumber { place: String, value: f64, accepted: &'static str },
-    #[error("{place} is empty; name a picture")]
+    #[error("{place} is empty; name a file")]
     EmptyName { place: String },
+    #[error("{place} has a true depth and a true disparity picture; name one")]
+    TwoTruths { place: String },
+    #[error("the true model needs pixels_per_unit, the sheet's pixels a unit of the model")]
+    ModelWithoutScale,
     #[error("{place} has {found} {unit}, over the limit of {limit}")]
     TooLong { place: &'static str, found: usize, unit: &'static str, limit: usize },
     #[error(
@@ -58,6 +64,10 @@ pub enum SheetProblem {
         "the mask of view {azimuth} is {found}, its drawing {expected}; make them the same size"
     )]
     MaskSize { azimuth: Azimuth, found: PictureSize, expected: PictureSize },
+    #[error(
+        "the picture of true values of view {azimuth} is {found}, its drawing {expected}; make them the same size"
+    )]
+    TruthSize { azimuth: Azimuth, found: PictureSize, expected: PictureSize },
 }
 
 /// Width and height of a picture, px.
@@ -90,6 +100,9 @@ pub fn check_document(
     }
     check_lengths(document)?;
     check_numbers(document)?;
+    if let Some(truth) = &document.truth {
+        check_truth(truth, document.pixels_per_unit)?;
+    }
     let mut placed: BTreeMap<Azimuth, (usize, PlacedView)> = BTreeMap::new();
     for (index, view) in document.views.iter().enumerate() {
         let view = place(index, view, document.elevation_deg)?;
@@ -142,18 +155,77 @@ pub fn check_mask_size(
     Err(SheetProblem::MaskSize { azimuth, found: mask, expected: drawing })
 }
 
+/// Checks that a picture of true values has the size of its drawing.
+///
+/// # Errors
+/// [`SheetProblem::TruthSize`] if it has not.
+pub fn check_truth_size(
+    azimuth: Azimuth,
+    drawing: PictureSize,
+    truth: PictureSize,
+) -> Result<(), SheetProblem> {
+    if truth == drawing {
+        return Ok(());
+    }
+    Err(SheetProblem::TruthSize { azimuth, found: truth, expected: drawing })
+}
+
 fn place(index: usize, view: &ViewDocument, default: f64) -> Result<PlacedView, SheetProblem> {
     let azimuth = Azimuth::from_degrees(view.azimuth_deg).map_err(|error| {
         SheetProblem::InvalidAngle { place: format!("views[{index}].azimuth_deg"), value: error.0 }
     })?;
     let elevation_deg = view.elevation_deg.unwrap_or(default);
     check_elevation(|| format!("views[{index}].elevation_deg"), elevation_deg)?;
-    for (key, name) in [("image", Some(&view.image)), ("mask", view.mask.as_ref())] {
+    for (key, name) in [
+        ("image", Some(&view.image)),
+        ("mask", view.mask.as_ref()),
+        ("depth", view.depth.as_ref()),
+        ("disparity", view.disparity.as_ref()),
+    ] {
         if name.is_some_and(|name| name.is_empty()) {
             return Err(SheetProblem::EmptyName { place: format!("views[{index}].{key}") });
         }
     }
-    Ok(PlacedView { azimuth, elevation_deg, image: view.image.clone(), mask: view.mask.clone() })
+    if view.depth.is_some() && view.disparity.is_some() {
+        return Err(SheetProblem::TwoTruths { place: format!("views[{index}]") });
+    }
+    Ok(PlacedView {
+        azimuth,
+        elevation_deg,
+        image: view.image.clone(),
+        mask: view.mask.clone(),
+        truth: view.truth().map(|(kind, name)| (kind, name.to_owned())),
+    })
+}
+
+fn check_truth(truth: &TruthDocument, pixels_per_unit: Option<f64>) -> Result<(), SheetProblem> {
+    let positive = |v: f64| v.is_finite() && v > 0.0;
+    let not_negative = |v: f64| v.is_finite() && v >= 0.0;
+    let angle = |v: f64| v.abs() > 0.0 && v.abs() < 90.0;
+    type Check<'a> = (&'static str, Option<f64>, &'a dyn Fn(f64) -> bool, &'static str);
+    let checks: [Check<'_>; 3] = [
+        ("depth_counts_per_unit", truth.depth_counts_per_unit, &positive, "a number above 0"),
+        ("camera_distance", truth.camera_distance, &not_negative, "a finite number from 0"),
+        (
+            "disparity_pair_deg",
+            truth.disparity_pair_deg,
+            &angle,
+            "an angle within 90 degrees either way, not 0",
+        ),
+    ];
+    for (key, value, accepts, accepted) in checks {
+        if let Some(value) = value.filter(|value| !accepts(*value)) {
+            let place = format!("truth.{key}");
+            return Err(SheetProblem::InvalidNumber { place, value, accepted });
+        }
+    }
+    match &truth.model {
+        Some(name) if name.is_empty() => {
+            Err(SheetProblem::EmptyName { place: "truth.model".to_owned() })
+        }
+        Some(_) if pixels_per_unit.is_none() => Err(SheetProblem::ModelWithoutScale),
+        _ => Ok(()),
+    }
 }
 
 fn check_elevation(place: impl Fn() -> String, value: f64) -> Result<(), SheetProblem> {
@@ -271,8 +343,30 @@ mod tests {
         sheet.pixels_per_unit = Some(0.0);
         assert_eq!(place(&sheet), "pixels_per_unit");
         sheet.pixels_per_unit = None;
+        sheet.truth =
+            Some(TruthDocument { camera_distance: Some(-1.0), ..TruthDocument::default() });
+        assert_eq!(place(&sheet), "truth.camera_distance");
+        sheet.truth = None;
         sheet.holes.push(HoleDocument { azimuth_deg: f64::INFINITY, x: 0.0, y: 0.0 });
         assert_eq!(place(&sheet), "holes[0].azimuth_deg");
+    }
+
+    #[test]
+    fn truth_must_be_of_one_kind_and_a_model_have_a_scale() {
+        let mut sheet = document(&[0.0, 45.0, 90.0]);
+        sheet.views[2].depth = Some("d.png".to_owned());
+        sheet.views[1].disparity = Some("d.pfm".to_owned());
+        let placed = check_document(&sheet, &THREE).unwrap();
+        let kinds: Vec<_> = placed.iter().map(|v| v.truth.as_ref().map(|t| t.0)).collect();
+        assert_eq!(kinds, [None, Some(TruthKind::Disparity), Some(TruthKind::Depth)]);
+        let model = Some("m.obj".to_owned());
+        sheet.truth = Some(TruthDocument { model, ..TruthDocument::default() });
+        assert_eq!(check_document(&sheet, &THREE), Err(SheetProblem::ModelWithoutScale));
+        sheet.pixels_per_unit = Some(100.0);
+        check_document(&sheet, &THREE).unwrap();
+        sheet.views[1].depth = Some("d.png".to_owned());
+        let error = check_document(&sheet, &THREE).unwrap_err();
+        assert_eq!(error, SheetProblem::TwoTruths { place: "views[1]".to_owned() });
     }
 
     #[test]

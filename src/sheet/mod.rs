@@ -11,8 +11,8 @@ pub use self::image::{Drawing, ImageError, ImageLimits, decode, inspect};
 pub use azimuth::{Azimuth, NotFinite};
 pub use check::{
     PictureSize, PlacedView, SheetProblem, SheetRequirements, check_document, check_mask_size,
-    check_sizes,
+    check_sizes, check_truth_size,
 };
-pub use document::{HoleDocument, SheetDocument, TruthDocument, ViewDocument};
+pub use document::{HoleDocument, SheetDocument, TruthDocument, TruthKind, ViewDocument};
 pub use reconstruction::{RECONSTRUCTION, ReconstructionPayload};
 pub use view::{Sheet, SheetError, View};

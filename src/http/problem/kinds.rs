@@ -54,7 +54,7 @@ problem_types! {
         "Send the drawings as parts view[AZIMUTH], or a part sheet with the files it names, or a part source with the id of an earlier reconstruction.";
     UNKNOWN_PART = UNPROCESSABLE_ENTITY "unknown-part",
         "A part is not known",
-        "Parts are view[AZIMUTH], mask[AZIMUTH], sheet, image, mask, options, source and single options by their dotted names. A file in the sheet form must be named by the sheet document.";
+        "Parts are view[AZIMUTH], mask[AZIMUTH], truth[AZIMUTH], truth, truth_model, sheet, image, mask, options, source and single options by their dotted names. A file in the sheet form must be named by the sheet document.";
     DUPLICATE_PART = UNPROCESSABLE_ENTITY "duplicate-part",
         "A part is given twice",
         "Give every part, every option and every file name once.";
@@ -72,7 +72,7 @@ problem_types! {
         "Write angles as decimal degrees, such as view[22.5].";
     DIFFERING_SIZES = UNPROCESSABLE_ENTITY "differing-sizes",
         "The pictures' sizes differ",
-        "The method takes views of one width and height, and a mask has the size of its drawing. Pad or scale the pictures.";
+        "The method takes views of one width and height, and a mask or a picture of true values has the size of its drawing. Pad or scale the pictures.";
     EMPTY_FILE = UNPROCESSABLE_ENTITY "empty-file",
         "A file is empty",
         "The part has no bytes. Check the path that the client read the file from.";
@@ -82,9 +82,12 @@ problem_types! {
     DAMAGED_IMAGE = UNPROCESSABLE_ENTITY "damaged-image",
         "An image is damaged or truncated",
         "The file starts like an image but cannot be decoded to its end. Export it again.";
+    INVALID_TRUTH = UNPROCESSABLE_ENTITY "invalid-truth",
+        "A file of the ground truth cannot be used",
+        "True values are PNG (8 or 16 bits), PFM or EXR pictures with at least one value; 0 is background in a PNG. The true model is an OBJ, PLY, STL, GLB or glTF file and needs the sheet's pixels_per_unit.";
     INVALID_JSON = BAD_REQUEST "invalid-json",
         "A part is not valid JSON",
-        "The parts sheet and options are JSON documents (RFC 8259) in UTF-8. NaN and Infinity are not JSON.";
+        "The parts sheet, options and truth are JSON documents (RFC 8259) in UTF-8. NaN and Infinity are not JSON.";
     INVALID_SHEET = UNPROCESSABLE_ENTITY "invalid-sheet",
         "The sheet document is not valid",
         "A key is unknown or missing, or a value has the wrong type or range. The API description has the document's schema.";

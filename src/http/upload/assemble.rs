@@ -3,12 +3,14 @@ use std::collections::BTreeMap;
 use bytes::Bytes;
 use serde_json::{Map, Value};
 
+use super::files::Files;
 use super::parts::{FilePart, Parts, unknown_part};
 use super::pictures::{Decoded, extension};
+use super::truths::{CheckedTruth, ModelFile, TruthFields, TruthPicture};
 use crate::http::HttpLimits;
 use crate::http::problem::{
-    DIFFERING_SIZES, DUPLICATE_AZIMUTH, INVALID_ANGLE, INVALID_SHEET, MISSING_FILE, MISSING_PART,
-    Problem, TOO_FEW_VIEWS, TOO_MANY_VIEWS, UNKNOWN_PART,
+    DIFFERING_SIZES, DUPLICATE_AZIMUTH, INVALID_ANGLE, INVALID_SHEET, INVALID_TRUTH, MISSING_PART,
+    Problem, TOO_FEW_VIEWS, TOO_MANY_VIEWS,
 };
 use crate::options::{self, Method, Options};
 use crate::sheet::{
@@ -30,6 +32,7 @@ pub struct PicturedView {
     pub view: PlacedView,
     pub drawing: Picture,
     pub mask: Option<Picture>,
+    pub truth: Option<TruthPicture>,
 }
 
 /// An upload whose parts fit together; its pictures are not decoded yet.
@@ -40,11 +43,13 @@ pub struct Assembled {
     pub options: Options,
     /// By rising azimuth.
     pub views: Vec<PicturedView>,
+    /// The true model.
+    pub model: Option<ModelFile>,
 }
 
 /// Puts the parts of the forms `view[…]` and `sheet` together.
 pub fn assemble(mut parts: Parts, limits: &HttpLimits) -> Result<Assembled, Problem> {
-    let first_view = parts.views.first().or(parts.masks.first()).map(|(_, file)| file.file.clone());
+    let first_view = parts.any_of_views_form();
     if parts.sheet.is_some() {
         parts.expect_only("sheet", [first_view.as_ref(), None, None])?;
         return assemble_sheet(parts, limits);
@@ -66,7 +71,10 @@ pub fn assemble(mut parts: Parts, limits: &HttpLimits) -> Result<Assembled, Prob
 
 fn assemble_views(parts: &mut Parts, limits: &HttpLimits) -> Result<Assembled, Problem> {
     let options = parse_options(parts, None)?;
+    let fields = TruthFields::parse(parts.truth.take())?;
+    let model = parts.truth_model.take().map(ModelFile::new).transpose()?;
     let mut masks: BTreeMap<Azimuth, FilePart> = parts.masks.drain(..).collect();
+    let mut truths: BTreeMap<Azimuth, FilePart> = parts.truths.drain(..).collect();
     let mut drawings: BTreeMap<Azimuth, FilePart> = parts.views.drain(..).collect();
     let views = drawings
         .iter()
@@ -78,78 +86,50 @@ fn assemble_views(parts: &mut Parts, limits: &HttpLimits) -> Result<Assembled, P
         })
         .collect();
     let mut document = SheetDocument { views, ..SheetDocument::default() };
+    fields.describe(&mut document, model.as_ref());
     let placed = check(&document, options.method, limits, None)?;
     document.views.clear();
     let pictured = |view: PlacedView| {
         let drawing = drawings.remove(&view.azimuth)?.into();
         let mask = masks.remove(&view.azimuth).map(Picture::from);
-        Some(PicturedView { view, drawing, mask })
+        let truth = truths.remove(&view.azimuth);
+        let truth = truth.map(|file| TruthPicture { kind: fields.kind, picture: file.into() });
+        Some(PicturedView { view, drawing, mask, truth })
     };
     let views = placed.into_iter().filter_map(pictured).collect();
-    if let Some((azimuth, mask)) = masks.into_iter().next() {
-        let detail = format!(
-            "`{}` has no drawing; send `view[{azimuth}]` too, or leave the mask out",
-            mask.file
-        );
-        return Err(Problem::new(MISSING_PART, detail).part(mask.file));
+    if let Some((azimuth, file)) = masks.into_iter().chain(truths).next() {
+        let detail =
+            format!("`{}` has no drawing; send `view[{azimuth}]` too, or leave it out", file.file);
+        return Err(Problem::new(MISSING_PART, detail).part(file.file));
     }
-    Ok(Assembled { document, options, views })
+    Ok(Assembled { document, options, views, model })
 }
 
+/// Truth that the document names and the upload does not bring is left out.
 fn assemble_sheet(mut parts: Parts, limits: &HttpLimits) -> Result<Assembled, Problem> {
     let mut document = parse_sheet(parts.sheet.take().unwrap_or_default())?;
     let options = parse_options(&mut parts, document.options.take())?;
     let placed = check(&document, options.method, limits, Some("sheet"))?;
     document.views.clear();
-    let mut files = Files::new(parts.files);
+    let mut files = Files::new(parts.files.into_iter().chain(parts.truth_model.take()));
     let mut views = Vec::with_capacity(placed.len());
     for view in placed {
         let drawing = files.take(&view.image)?;
         let mask = view.mask.as_deref().map(|mask| files.take(mask)).transpose()?;
-        views.push(PicturedView { view, drawing, mask });
-    }
-    files.expect_all_used()?;
-    Ok(Assembled { document, options, views })
-}
-
-/// The files of a sheet form, found by the names in the document.
-struct Files(Vec<(FilePart, bool)>);
-
-impl Files {
-    fn new(files: Vec<FilePart>) -> Self {
-        Self(files.into_iter().map(|file| (file, false)).collect())
-    }
-
-    /// The file that the document calls `name`. Clients send a file's last name
-    /// only, so `front/a.png` is also found as `a.png`.
-    fn take(&mut self, name: &str) -> Result<Picture, Problem> {
-        let last = name.rsplit(['/', '\\']).next().unwrap_or(name);
-        let found = [name, last]
-            .into_iter()
-            .find_map(|wanted| self.0.iter().position(|(file, _)| file.file == wanted));
-        let Some((file, used)) = found.and_then(|at| self.0.get_mut(at)) else {
-            let detail = format!(
-                "the sheet names `{name}`, but no such file was sent; add -F 'image=@{name}'"
-            );
-            return Err(Problem::new(MISSING_FILE, detail).part(name));
+        let truth = match &view.truth {
+            None => None,
+            Some((kind, name)) => {
+                files.take_if_sent(name)?.map(|picture| TruthPicture { kind: Some(*kind), picture })
+            }
         };
-        if std::mem::replace(used, true) {
-            let detail = format!("two pictures of the sheet lead to the file `{}`", file.file);
-            return Err(Problem::new(INVALID_SHEET, detail).part("sheet"));
-        }
-        Ok(file.clone().into())
+        views.push(PicturedView { view, drawing, mask, truth });
     }
-
-    fn expect_all_used(&self) -> Result<(), Problem> {
-        let unused = self.0.iter().find(|(_, used)| !used);
-        unused.map_or(Ok(()), |(file, _)| {
-            let detail = format!(
-                "the sheet names no picture `{}`; only drawings and masks are taken",
-                file.file
-            );
-            Err(Problem::new(UNKNOWN_PART, detail).part(&*file.file))
-        })
-    }
+    let model = match document.truth.as_mut().and_then(|truth| truth.model.take()) {
+        None => None,
+        Some(name) => files.take_if_sent(&name)?.map(|file| ModelFile::named(&name, file)),
+    };
+    files.expect_all_used()?;
+    Ok(Assembled { document, options, views, model: model.transpose()? })
 }
 
 impl From<FilePart> for Picture {
@@ -188,9 +168,13 @@ fn sheet_problem(error: &SheetProblem) -> Problem {
         SheetProblem::TooManyViews { .. } => TOO_MANY_VIEWS,
         SheetProblem::InvalidAngle { .. } => INVALID_ANGLE,
         SheetProblem::DuplicateAzimuth { .. } => DUPLICATE_AZIMUTH,
-        SheetProblem::DifferingSizes { .. } | SheetProblem::MaskSize { .. } => DIFFERING_SIZES,
+        SheetProblem::DifferingSizes { .. }
+        | SheetProblem::MaskSize { .. }
+        | SheetProblem::TruthSize { .. } => DIFFERING_SIZES,
+        SheetProblem::ModelWithoutScale => INVALID_TRUTH,
         SheetProblem::InvalidNumber { .. }
         | SheetProblem::EmptyName { .. }
+        | SheetProblem::TwoTruths { .. }
         | SheetProblem::TooLong { .. } => INVALID_SHEET,
     };
     Problem::new(kind, error.to_string())
@@ -219,61 +203,85 @@ impl Assembled {
         pictures.into_iter().map(|picture| (picture.part.as_str(), &picture.bytes)).collect()
     }
 
-    /// Checks the sizes found by decoding [`Self::pictures`] and names the
-    /// pictures for storage. Returns the complete document of the job and the
-    /// named pictures.
+    /// The pictures of true values to decode, by rising azimuth.
+    pub fn truths(&self) -> Vec<&TruthPicture> {
+        self.views.iter().filter_map(|view| view.truth.as_ref()).collect()
+    }
+
+    /// Checks the sizes found by decoding [`Self::pictures`] and
+    /// [`Self::truths`] and names the files for storage. Returns the complete
+    /// document of the job and the named files.
     pub fn finish(
         self,
         decoded: &[Decoded],
+        truths: &[CheckedTruth],
         limits: &HttpLimits,
     ) -> Result<(SheetDocument, Vec<(String, Bytes)>), Problem> {
-        let Self { mut document, options, views } = self;
+        let Self { mut document, options, views, model } = self;
         let mut decoded = decoded.iter();
-        let mut next = || {
-            decoded.next().copied().ok_or_else(|| {
-                Problem::internal("upload", &"fewer pictures were decoded than sent")
-            })
-        };
+        let mut truths = truths.iter();
         let mut drawings = Vec::new();
         let mut inputs = Vec::new();
-        for PicturedView { view, drawing, mask } in views {
-            let found = next()?;
+        for PicturedView { view, drawing, mask, truth } in views {
+            let found = *next(&mut decoded)?;
             let image = format!("views/{}.{}", view.azimuth, extension(found.format));
             inputs.push((image.clone(), drawing.bytes));
             drawings.push((view.azimuth, drawing.part, found.size));
-            let mask = match mask {
-                Some(mask) => {
-                    let (name, bytes) = named_mask(view.azimuth, mask, found.size, next()?)?;
-                    inputs.push((name.clone(), bytes));
-                    Some(name)
-                }
-                None => None,
-            };
-            document.views.push(view_document(&view, image, mask));
+            let mut stored = view_document(&view, image);
+            if let Some(mask) = mask {
+                let (name, bytes) =
+                    named_mask(view.azimuth, mask, found.size, next(&mut decoded)?)?;
+                inputs.push((name.clone(), bytes));
+                stored.mask = Some(name);
+            }
+            if let Some(truth) = truth {
+                let checked = next(&mut truths)?;
+                let (name, bytes) = named_truth(view.azimuth, truth, found.size, checked)?;
+                inputs.push((name.clone(), bytes));
+                stored.set_truth(Some((checked.kind, name)));
+            }
+            document.views.push(stored);
         }
+        inputs.extend(model.map(|model| model.store(&mut document)));
         check_sizes(&drawings, &requirements(options.method, limits))?;
         describe(&mut document, &drawings, &options)?;
         Ok((document, inputs))
     }
 }
 
+fn next<'d, T>(decoded: &mut std::slice::Iter<'d, T>) -> Result<&'d T, Problem> {
+    decoded
+        .next()
+        .ok_or_else(|| Problem::internal("upload", &"fewer pictures were decoded than sent"))
+}
+
+fn named_truth(
+    azimuth: Azimuth,
+    truth: TruthPicture,
+    drawing: PictureSize,
+    found: &CheckedTruth,
+) -> Result<(String, Bytes), Problem> {
+    sheet::check_truth_size(azimuth, drawing, found.size)
+        .map_err(|error| sheet_problem(&error).part(truth.picture.part))?;
+    Ok((format!("truth/{azimuth}.{}", found.encoding.extension()), truth.picture.bytes))
+}
+
 fn named_mask(
     azimuth: Azimuth,
     mask: Picture,
     drawing: PictureSize,
-    found: Decoded,
+    found: &Decoded,
 ) -> Result<(String, Bytes), Problem> {
     sheet::check_mask_size(azimuth, drawing, found.size)
         .map_err(|error| sheet_problem(&error).part(mask.part))?;
     Ok((format!("masks/{azimuth}.{}", extension(found.format)), mask.bytes))
 }
 
-fn view_document(view: &PlacedView, image: String, mask: Option<String>) -> ViewDocument {
+fn view_document(view: &PlacedView, image: String) -> ViewDocument {
     ViewDocument {
         image,
         azimuth_deg: view.azimuth.degrees(),
         elevation_deg: Some(view.elevation_deg),
-        mask,
         ..ViewDocument::default()
     }
 }
@@ -304,7 +312,8 @@ fn describe(
     let size = first.filter(|first| drawings.iter().all(|(.., size)| size == first));
     document.width = size.map(|size| size.width);
     document.height = size.map(|size| size.height);
-    document.truth = None;
+    let has_truth = document.views.iter().any(|view| view.truth().is_some());
+    document.truth = document.truth.take().filter(|truth| has_truth || truth.model.is_some());
     document.options =
         Some(serde_json::to_value(options).map_err(|e| Problem::internal("options", &e))?);
     Ok(())

@@ -5,10 +5,12 @@
 //! then is anything stored: first the inputs, then the job that needs them.
 
 mod assemble;
+mod files;
 mod intake;
 mod parts;
 mod pictures;
 mod source;
+mod truths;
 
 pub use intake::Budget;
 pub use pictures::Decoders;
@@ -106,7 +108,8 @@ async fn check(api: &Api, mut parts: Parts) -> Result<(SheetDocument, Inputs), P
     }
     let assembled = assemble::assemble(parts, &api.limits)?;
     let decoded = api.decoders.decode_all(&assembled.pictures(), &api.limits.image).await?;
-    let (document, inputs) = assembled.finish(&decoded, &api.limits)?;
+    let truths = truths::check_all(&api.decoders, &assembled, &api.limits).await?;
+    let (document, inputs) = assembled.finish(&decoded, &truths, &api.limits)?;
     Ok((document, Inputs::Uploaded(inputs)))
 }
 

@@ -9,6 +9,7 @@ use crate::http::problem::{
     INVALID_ANGLE, INVALID_JSON, INVALID_OPTION, INVALID_PART_NAME, PART_TOO_LARGE, Problem,
     TOO_MANY_VIEWS, UNKNOWN_PART,
 };
+use crate::model_io::ModelFormat;
 use crate::options;
 use crate::sheet::Azimuth;
 
@@ -31,6 +32,12 @@ pub struct FilePart {
 pub struct Parts {
     pub views: Vec<(Azimuth, FilePart)>,
     pub masks: Vec<(Azimuth, FilePart)>,
+    /// Pictures of true values.
+    pub truths: Vec<(Azimuth, FilePart)>,
+    /// The true model, under its file's name.
+    pub truth_model: Option<FilePart>,
+    /// How true values are to be read.
+    pub truth: Option<Value>,
     /// Files that a sheet document places.
     pub files: Vec<FilePart>,
     pub sheet: Option<Value>,
@@ -43,6 +50,12 @@ pub struct Parts {
 enum Kind {
     View(Azimuth),
     Mask(Azimuth),
+    Truth(Azimuth),
+    TruthModel(String),
+    TruthFields,
+    /// A drawing or mask that a sheet document places.
+    Picture(String),
+    /// A file of any kind that a sheet document places.
     File(String),
     Sheet,
     Options,
@@ -81,10 +94,32 @@ impl Parts {
                 let picture = read_picture(field, name, limits).await?;
                 self.masks.push((azimuth, picture));
             }
-            Kind::File(file) => {
+            Kind::Truth(azimuth) => {
+                expect_new(!self.truths.iter().any(|(a, _)| *a == azimuth), &name)?;
+                self.expect_room(&name, limits)?;
+                let file = read_file(field, name, limits.image.max_bytes).await?;
+                self.truths.push((azimuth, file));
+            }
+            Kind::TruthModel(file) => {
+                expect_new(self.truth_model.is_none(), &name)?;
+                self.truth_model = Some(read_file(field, file, model_bytes(limits)).await?);
+            }
+            Kind::TruthFields => {
+                expect_new(self.truth.is_none(), &name)?;
+                self.truth = Some(read_json(field, &name, limits).await?);
+            }
+            Kind::Picture(file) => {
                 self.expect_new_file(&file, &name, limits)?;
                 let picture = read_picture(field, file, limits).await?;
                 self.files.push(picture);
+            }
+            Kind::File(file) => {
+                self.expect_new_file(&file, &name, limits)?;
+                let most = match ModelFormat::from_file_name(&file) {
+                    Some(_) => model_bytes(limits),
+                    None => limits.image.max_bytes,
+                };
+                self.files.push(read_file(field, file, most).await?);
             }
             Kind::Sheet => {
                 expect_new(self.sheet.is_none(), &name)?;
@@ -134,13 +169,21 @@ impl Parts {
         self.expect_room(part, limits)
     }
 
-    /// A sheet of the most views has a drawing and a mask for each.
+    /// A sheet of the most views has a drawing, a mask and a picture of true
+    /// values for each, and a model.
     fn expect_room(&self, part: &str, limits: &HttpLimits) -> Result<(), Problem> {
-        let most = 2 * limits.max_views;
-        if self.files.len() < most && self.masks.len() < most {
+        let most = 3 * limits.max_views + 1;
+        if [self.files.len(), self.masks.len(), self.truths.len()].iter().all(|&n| n < most) {
             return Ok(());
         }
         Err(too_many(part, limits))
+    }
+
+    /// The name of a part of the form `view[…]`, if there is one.
+    pub fn any_of_views_form(&self) -> Option<String> {
+        let placed = [&self.views, &self.masks, &self.truths];
+        let mut names = placed.into_iter().flatten().map(|(_, file)| file.file.clone());
+        names.next().or(self.truth.is_some().then(|| "truth".to_owned()))
     }
 
     /// All options of the upload; later sources lie over earlier ones: `base`,
@@ -205,11 +248,21 @@ fn kind(name: &str, file_name: Option<&str>) -> Result<Kind, Problem> {
     if let Some(angle) = bracketed("mask[") {
         return parse_azimuth(angle, name).map(Kind::Mask);
     }
+    if let Some(angle) = bracketed("truth[") {
+        return parse_azimuth(angle, name).map(Kind::Truth);
+    }
     match (name, file_name) {
         ("sheet", _) => Ok(Kind::Sheet),
+        ("truth", Some(file)) if !file.is_empty() => Ok(Kind::File(file.to_owned())),
+        ("truth", _) => Ok(Kind::TruthFields),
+        ("truth_model", Some(file)) if !file.is_empty() => Ok(Kind::TruthModel(file.to_owned())),
         ("options", _) => Ok(Kind::Options),
         ("source", _) => Ok(Kind::Source),
-        ("image" | "mask", Some(file)) if !file.is_empty() => Ok(Kind::File(file.to_owned())),
+        ("image" | "mask", Some(file)) if !file.is_empty() => Ok(Kind::Picture(file.to_owned())),
+        ("truth_model", _) => {
+            let detail = "`truth_model` has no file name to tell its format by";
+            Err(Problem::new(INVALID_PART_NAME, detail).part(name))
+        }
         ("image" | "mask", _) => {
             let detail = format!("`{name}` has no file name to find it in the sheet by");
             Err(Problem::new(INVALID_PART_NAME, detail).part(name))
@@ -255,12 +308,29 @@ async fn read_picture(
             unchecked = false;
         }
     }
-    if bytes.is_empty() {
-        let detail = format!("`{file}` is an empty file; check the path it was read from");
-        return Err(Problem::new(EMPTY_FILE, detail).part(file));
-    }
+    expect_bytes(&bytes, &file)?;
     check_start(&bytes, &limits.image).map_err(|error| image_problem(&file, &error))?;
     Ok(FilePart { file, bytes: bytes.freeze() })
+}
+
+/// Reads a file whose kind is not known yet.
+async fn read_file(field: Field<'_>, file: String, max_bytes: u64) -> Result<FilePart, Problem> {
+    let most = usize::try_from(max_bytes).unwrap_or(usize::MAX);
+    let bytes = read_limited(field, &file, most).await?;
+    expect_bytes(&bytes, &file)?;
+    Ok(FilePart { file, bytes })
+}
+
+fn expect_bytes(bytes: &[u8], file: &str) -> Result<(), Problem> {
+    if !bytes.is_empty() {
+        return Ok(());
+    }
+    let detail = format!("`{file}` is an empty file; check the path it was read from");
+    Err(Problem::new(EMPTY_FILE, detail).part(file))
+}
+
+fn model_bytes(limits: &HttpLimits) -> u64 {
+    limits.model.max_bytes as u64
 }
 
 async fn read_json(field: Field<'_>, part: &str, limits: &HttpLimits) -> Result<Value, Problem> {

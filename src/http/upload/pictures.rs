@@ -28,6 +28,11 @@ impl Decoders {
         Self { slots: Arc::new(Semaphore::new(count)), count }
     }
 
+    /// How many decode at once.
+    pub(super) fn count(&self) -> usize {
+        self.count
+    }
+
     /// Decodes every picture to its end on blocking threads, a few at a time,
     /// and throws the pixels away. The first bad picture ends it.
     pub async fn decode_all(
@@ -49,17 +54,23 @@ impl Decoders {
         bytes: Bytes,
         limits: ImageLimits,
     ) -> Result<Decoded, Problem> {
+        let decoded = self.run(move || decode(&bytes, &limits)).await?;
+        decoded.map_err(|error| image_problem(part, &error))
+    }
+
+    /// Runs `work` on a blocking thread once there is a slot.
+    pub(super) async fn run<T: Send + 'static>(
+        &self,
+        work: impl FnOnce() -> T + Send + 'static,
+    ) -> Result<T, Problem> {
         let slot = self.slots.clone().acquire_owned().await;
-        let decoded = tokio::task::spawn_blocking(move || {
+        let done = tokio::task::spawn_blocking(move || {
             // Held here, so that an upload given up does not free the slot
-            // while its picture is still being decoded.
+            // while its file is still being decoded.
             let _slot = slot;
-            decode(&bytes, &limits)
+            work()
         });
-        match decoded.await {
-            Ok(result) => result.map_err(|error| image_problem(part, &error)),
-            Err(error) => Err(Problem::internal("decoding a picture", &error)),
-        }
+        done.await.map_err(|error| Problem::internal("decoding a file", &error))
     }
 }
 

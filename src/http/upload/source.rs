@@ -15,9 +15,9 @@ pub async fn rerun(
     mut parts: Parts,
 ) -> Result<(JobId, SheetDocument), Problem> {
     let sheet = parts.sheet.is_some().then(|| "sheet".to_owned());
-    let view = parts.views.first().or(parts.masks.first()).map(|(_, file)| &file.file);
-    let file = parts.files.first().map(|file| &file.file);
-    parts.expect_only("source", [sheet.as_ref(), view, file])?;
+    let view = parts.any_of_views_form();
+    let file = parts.files.first().or(parts.truth_model.as_ref()).map(|file| &file.file);
+    parts.expect_only("source", [sheet.as_ref(), view.as_ref(), file])?;
     let id: JobId = source.trim().parse().map_err(|_| unknown(source))?;
     let job = api.state.store.get(id).await.map_err(|error| match error {
         StoreError::NotFound(_) => unknown(source),
@@ -37,10 +37,13 @@ pub async fn rerun(
     Ok((id, document))
 }
 
-/// The stored pictures that a document names.
+/// The stored files that a document names.
 pub fn input_names(document: &SheetDocument) -> Vec<String> {
-    let names = document.views.iter().flat_map(|view| [Some(&view.image), view.mask.as_ref()]);
-    names.flatten().cloned().collect()
+    let of_views = document.views.iter().flat_map(|view| {
+        [Some(view.image.as_str()), view.mask.as_deref(), view.truth().map(|(_, name)| name)]
+    });
+    let model = document.truth.as_ref().and_then(|truth| truth.model.as_deref());
+    of_views.chain([model]).flatten().map(str::to_owned).collect()
 }
 
 /// The source was deleted while its pictures were being copied.
