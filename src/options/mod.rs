@@ -16,7 +16,8 @@ pub use features::{
     MatchingOptions, OrbOptions, ShiTomasiOptions, SiftOptions, SurfOptions,
 };
 pub use geometry::{
-    CloudOptions, DepthRelation, EpipolarOptions, Estimator, ExportOptions, MergeOptions, Origin,
+    CloudOptions, CloudSource, CoplanarPairs, DepthRelation, EpipolarOptions, Estimator,
+    ExportOptions, Feedback, MergeOptions, MetricWeights, Origin,
 };
 pub use parse::{OptionProblem, OptionProblemKind, OptionProblems, merge, nested, parse, schema};
 pub use turntable::{

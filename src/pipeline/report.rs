@@ -5,6 +5,7 @@ use nalgebra::{Matrix3, Point2, Vector2};
 use serde::Serialize;
 
 use super::correspond::TryReport;
+use super::edit::EditReport;
 use super::merge::MergeLink;
 use super::pair::{PairFailure, PairResult};
 use super::pairs::{PairName, SkippedPair};
@@ -91,6 +92,8 @@ pub struct PairMetrics {
     pub keypoints_left: usize,
     pub keypoints_right: usize,
     pub matches: usize,
+    /// What was done to the automatic matches, if a person corrected them.
+    pub corrected_matches: Option<EditReport>,
     pub inliers: usize,
     /// Matches that the estimator rejected over all matches.
     pub outlier_ratio: Option<f64>,
@@ -105,6 +108,10 @@ pub struct PairMetrics {
     /// exactly, summed (Hartley & Sturm 1997).
     pub reprojection_all: Option<MeanSquare>,
     pub reprojection_inliers: Option<MeanSquare>,
+    /// Root mean square distance of right points from where the best homography
+    /// moves the left ones, px: near 0 when the inliers all lie in one plane,
+    /// which leaves the geometry open.
+    pub plane_spread_px: Option<f64>,
     /// Smallest absolute eigenvalue of F, scaled as OpenCV does.
     pub smallest_absolute_eigenvalue: Option<f64>,
     /// Orthogonality and aspect ratio of both rectifying homographies.
@@ -115,6 +122,8 @@ pub struct PairMetrics {
     pub rectified_from_left: Option<[[f64; 3]; 3]>,
     pub rectified_from_right: Option<[[f64; 3]; 3]>,
     pub tries: Vec<TryReport>,
+    /// The number of the try that went on.
+    pub chosen_try: u32,
 }
 
 /// Means over the usable pairs.
@@ -211,6 +220,7 @@ fn pair_metrics(pair: &PairResult, width_px: f64, height_px: f64) -> PairMetrics
         keypoints_left: pair.keypoints_left,
         keypoints_right: pair.keypoints_right,
         matches: pair.matches.len(),
+        corrected_matches: pair.edit,
         inliers: inliers.len(),
         outlier_ratio,
         estimator: geometry.map(|g| g.estimator),
@@ -220,6 +230,7 @@ fn pair_metrics(pair: &PairResult, width_px: f64, height_px: f64) -> PairMetrics
         symmetric_epipolar_inliers: of_inliers.and_then(|e| e.symmetric_epipolar),
         reprojection_all: of_all.and_then(|e| e.reprojection),
         reprojection_inliers: of_inliers.and_then(|e| e.reprojection),
+        plane_spread_px: geometry.and_then(|g| g.plane_spread_px),
         smallest_absolute_eigenvalue: geometry
             .and_then(|g| smallest_absolute_eigenvalue(&g.fundamental)),
         distortion: rectification.and_then(|r| {
@@ -229,6 +240,7 @@ fn pair_metrics(pair: &PairResult, width_px: f64, height_px: f64) -> PairMetrics
         rectified_from_left: rectification.map(|r| homography(&r.rectified_from_left)),
         rectified_from_right: rectification.map(|r| homography(&r.rectified_from_right)),
         tries: pair.tries.clone(),
+        chosen_try: pair.chosen_try,
     }
 }
 
@@ -292,16 +304,7 @@ fn hull_report(reconstruction: &Reconstruction) -> HullReport {
 fn warnings(reconstruction: &Reconstruction) -> Vec<String> {
     let mut warnings = Vec::new();
     for pair in &reconstruction.pairs {
-        if let Some(failure) = pair.failure() {
-            warnings.push(format!("pair {} is not used: {failure}", pair.name));
-        }
-        let tried = pair.tries.len();
-        if tried > 1 && pair.tries.iter().all(|attempt| !attempt.passed) {
-            warnings.push(format!(
-                "pair {}: none of {tried} tries passed the mean Sampson threshold; the best is used",
-                pair.name
-            ));
-        }
+        pair_warnings(pair, &mut warnings);
     }
     let left_out: Vec<Azimuth> = reconstruction
         .views
@@ -321,6 +324,26 @@ fn warnings(reconstruction: &Reconstruction) -> Vec<String> {
         warnings.push(format!("no hull: {error}"));
     }
     warnings
+}
+
+fn pair_warnings(pair: &PairResult, warnings: &mut Vec<String>) {
+    let name = pair.name;
+    if let Some(failure) = pair.failure() {
+        warnings.push(format!("pair {name} is not used: {failure}"));
+    } else if pair.geometry().is_some_and(EpipolarGeometry::is_coplanar) {
+        warnings.push(format!(
+            "pair {name}: all matches fit one plane, which leaves the epipolar geometry open"
+        ));
+    }
+    let tried = pair.tries.len();
+    if tried > 1 && pair.tries.iter().all(|attempt| !attempt.passed) {
+        warnings.push(format!(
+            "pair {name}: none of {tried} tries passed the mean Sampson threshold; the best is used"
+        ));
+    }
+    if let Some(EditReport::Changed { not_found: missing @ 1.., .. }) = pair.edit {
+        warnings.push(format!("pair {name}: {missing} matches to remove were not found"));
+    }
 }
 
 #[cfg(test)]

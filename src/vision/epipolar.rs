@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::Correspondence;
 use super::cv::{self, OpenCvError};
 use super::eight_point::{RansacOptions, ransac_eight_point};
-use crate::options::{EpipolarOptions, Estimator};
+use crate::options::{CoplanarPairs, EpipolarOptions, Estimator};
 
 /// Fewer points leave an exact fit with nothing to check it by.
 const REQUIRED: usize = 8;
@@ -43,9 +43,19 @@ pub struct EpipolarGeometry {
     /// One flag a correspondence.
     pub inliers: Vec<bool>,
     pub estimator: EstimatorRun,
+    /// How well one plane explains the agreeing correspondences: root mean
+    /// square distance of right points from where the best homography moves the
+    /// left ones, px.
+    pub plane_spread_px: Option<f64>,
 }
 
 impl EpipolarGeometry {
+    /// Whether all agreeing correspondences fit one plane, which leaves the
+    /// geometry open.
+    pub fn is_coplanar(&self) -> bool {
+        self.plane_spread_px.is_some_and(|spread_px| spread_px < COPLANAR_PX)
+    }
+
     /// Those of the estimate's `correspondences` that agree with it.
     pub fn agreeing(
         &self,
@@ -114,10 +124,16 @@ pub fn estimate_fundamental(
         EstimatorRun::EightPointRansac => by_eight_points(correspondences, options, seed),
         _ => by_opencv(correspondences, estimator, options)?,
     };
-    let fundamental = fundamental
-        .filter(|f| f.iter().all(|value| value.is_finite()) && f.norm() > 0.0)
-        .ok_or(EpipolarError::NoEstimate { found })?;
-    let geometry = EpipolarGeometry { fundamental, inliers, estimator };
+    let usable = fundamental.filter(|f| f.iter().all(|value| value.is_finite()) && f.norm() > 0.0);
+    let Some(fundamental) = usable else {
+        return Err(match homography_spread(correspondences)? {
+            Some(spread_px) if spread_px < COPLANAR_PX => {
+                EpipolarError::Coplanar { found, spread_px }
+            }
+            _ => EpipolarError::NoEstimate { found },
+        });
+    };
+    let geometry = EpipolarGeometry { fundamental, inliers, estimator, plane_spread_px: None };
     let inliers = geometry.inlier_count();
     if inliers * 2 <= found {
         return Err(EpipolarError::MostlyOutliers { inliers, found });
@@ -126,8 +142,10 @@ pub fn estimate_fundamental(
         return Err(EpipolarError::TooFewCorrespondences { found: inliers, required: REQUIRED });
     }
     let agreeing: Vec<_> = geometry.agreeing(correspondences).collect();
-    match homography_spread(&agreeing)? {
-        Some(spread_px) if spread_px < COPLANAR_PX => {
+    let plane_spread_px = homography_spread(&agreeing)?;
+    let geometry = EpipolarGeometry { plane_spread_px, ..geometry };
+    match plane_spread_px {
+        Some(spread_px) if geometry.is_coplanar() && options.coplanar == CoplanarPairs::Refuse => {
             Err(EpipolarError::Coplanar { found: inliers, spread_px })
         }
         _ => Ok(geometry),
@@ -372,5 +390,9 @@ mod tests {
                 "{estimator:?}: {found:?}"
             );
         }
+        let used = EpipolarOptions { coplanar: CoplanarPairs::Use, ..options(Estimator::Ransac) };
+        assert!(estimate_fundamental(&plane, &used, 3).unwrap().is_coplanar());
+        let solid = estimate_fundamental(&scene(40, 0, 0.0), &used, 3).unwrap();
+        assert!(!solid.is_coplanar());
     }
 }

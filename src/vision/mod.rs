@@ -8,6 +8,7 @@
 
 mod cloud;
 mod combine;
+mod corner_disparity;
 mod cv;
 mod disparity;
 mod eight_point;
@@ -24,6 +25,7 @@ pub mod surf;
 
 pub use cloud::{PartneredMap, ViewCloud, affine_depth, inverse_depth};
 pub use combine::mean_map;
+pub use corner_disparity::corner_disparity;
 pub use cv::OpenCvError;
 pub use disparity::{DisparityError, derectify, left_disparity, right_disparity, working_bytes};
 pub use epipolar::{EpipolarError, EpipolarGeometry, EstimatorRun, estimate_fundamental};

@@ -244,6 +244,7 @@ impl Assembled {
         }
         inputs.extend(model.map(|model| model.store(&mut document)));
         check_sizes(&drawings, &requirements(options.method, limits))?;
+        check_matches(&document, &drawings, &options)?;
         describe(&mut document, &drawings, &options)?;
         Ok((document, inputs))
     }
@@ -299,6 +300,17 @@ fn check_sizes(
             None => problem,
         }
     })
+}
+
+fn check_matches(
+    document: &SheetDocument,
+    drawings: &[(Azimuth, String, PictureSize)],
+    options: &Options,
+) -> Result<(), Problem> {
+    let sizes: Vec<_> = drawings.iter().map(|(azimuth, _, size)| (*azimuth, *size)).collect();
+    sheet::check_matches(&document.matches, &sizes, options.max_pair_angle_deg)
+        .map(|_| ())
+        .map_err(|error| Problem::new(INVALID_SHEET, error.to_string()).part("sheet"))
 }
 
 /// Completes the stored description of a job: the resolved options, and the
