@@ -55,7 +55,6 @@ const MAY_USE: &[(&str, &[&str])] = &[
             "export",
             "jobs",
             "model_io",
-            "models",
             "options",
             "pipeline",
             "sheet",

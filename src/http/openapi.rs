@@ -191,6 +191,7 @@ fn describe_uploads(document: &mut Value) {
     body["content"]["multipart/form-data"]["encoding"] = json!({
         "sheet": {"contentType": "application/json"},
         "options": {"contentType": "application/json"},
+        "matches": {"contentType": "application/json"},
         "truth": {"contentType": "application/json"},
         "image": {"contentType": "image/png, image/jpeg, image/webp, image/tiff"},
     });

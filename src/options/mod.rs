@@ -12,11 +12,12 @@ mod turntable;
 
 pub use disparity::{DisparityAlgorithm, DisparityOptions, SgbmMode};
 pub use features::{
-    Descriptor, DetectionOptions, Detector, FastOptions, HarrisOptions, MatchingOptions,
-    OrbOptions, ShiTomasiOptions, SiftOptions,
+    Descriptor, DetectionOptions, Detector, FastOptions, FlannOptions, HarrisOptions, Matcher,
+    MatchingOptions, OrbOptions, ShiTomasiOptions, SiftOptions, SurfOptions,
 };
 pub use geometry::{
-    CloudOptions, DepthRelation, EpipolarOptions, Estimator, ExportOptions, MergeOptions, Origin,
+    CloudOptions, CloudSource, CoplanarPairs, DepthRelation, EpipolarOptions, Estimator,
+    ExportOptions, Feedback, MergeOptions, MetricWeights, Origin,
 };
 pub use parse::{
     OptionProblem, OptionProblemKind, OptionProblems, OptionSet, Schema, check_set, merge, nested,

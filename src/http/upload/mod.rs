@@ -8,6 +8,7 @@ mod assemble;
 mod files;
 mod given;
 mod intake;
+mod matches;
 mod model;
 mod parts;
 mod pictures;
