@@ -88,11 +88,8 @@ async fn truth_by_azimuth_is_stored_with_the_views() {
     let named: Vec<_> =
         document.views.iter().map(|v| (v.depth.as_deref(), v.disparity.as_deref())).collect();
     // An 8-bit picture is a ramp unless the upload says otherwise.
-    let expected = [
-        (Some("truth/0.png"), None),
-        (Some("truth/45.pfm"), None),
-        (None, Some("truth/90.png")),
-    ];
+    let expected =
+        [(Some("truth/0.png"), None), (Some("truth/45.pfm"), None), (None, Some("truth/90.png"))];
     assert_eq!(named, expected);
     let truth = document.truth.unwrap();
     assert_eq!(document.pixels_per_unit, Some(131.5));
@@ -117,10 +114,12 @@ async fn truth_that_a_sheet_names_is_stored_if_it_is_sent() {
         "truth": {"model": "model.obj", "depth_counts_per_unit": 4096, "camera_distance": 8},
     });
     let form = || {
-        ["a.png", "b.png", "c.png"].into_iter().enumerate().fold(
-            Form::new().text("sheet", sheet.to_string()),
-            |form, (i, name)| form.part("image", file(drawing(32, 24, i as u32), name)),
-        )
+        ["a.png", "b.png", "c.png"]
+            .into_iter()
+            .enumerate()
+            .fold(Form::new().text("sheet", sheet.to_string()), |form, (i, name)| {
+                form.part("image", file(drawing(32, 24, i as u32), name))
+            })
     };
     let with_truth = form()
         .part("truth", file(depth(32, 24, 9), "depth_000.png"))
