@@ -78,7 +78,7 @@ pub(super) fn sheet_of(
     (document, files)
 }
 
-fn sheet(azimuths: &[f64]) -> (SheetDocument, Files) {
+pub(super) fn sheet(azimuths: &[f64]) -> (SheetDocument, Files) {
     sheet_of(azimuths.iter().map(|&azimuth| (azimuth, drawing(azimuth))))
 }
 

@@ -5,6 +5,7 @@
 //! decoded data; nothing is fitted or aligned to the truth.
 
 mod boundary;
+mod cap_blocks;
 mod grey;
 mod occupancy;
 mod report;

@@ -1,6 +1,7 @@
 use nalgebra::Point3;
 use rayon::prelude::*;
 
+use super::cap_blocks::subtract_caps;
 use super::winding::WindingField;
 
 /// A cube of cells, sampled at their centres.
@@ -36,16 +37,18 @@ impl Grid {
 /// Winding numbers at the centres of all cells.
 pub(super) fn sample_winding(field: &WindingField, grid: &Grid) -> Vec<f32> {
     let zs: Vec<f64> = (0..grid.cells).map(|z| grid.centre(2, z)).collect();
-    (0..grid.cells * grid.cells)
+    let mut windings: Vec<f32> = (0..grid.cells * grid.cells)
         .into_par_iter()
         .flat_map_iter(|column| {
             let (x, y) = (column / grid.cells, column % grid.cells);
-            field
-                .column(grid.centre(0, x), grid.centre(1, y), &zs)
-                .into_iter()
-                .map(|value| value as f32)
+            let closed = field.closed_column(grid.centre(0, x), grid.centre(1, y), &zs);
+            closed.into_iter().map(|value| value as f32)
         })
-        .collect()
+        .collect();
+    if !field.is_closed() {
+        subtract_caps(field, grid, &mut windings);
+    }
+    windings
 }
 
 pub(super) fn is_inside(winding: f32) -> bool {

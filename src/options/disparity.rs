@@ -27,6 +27,17 @@ pub enum SgbmMode {
     Hh4,
 }
 
+/// What block matching does to the pictures first.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum PreFilter {
+    /// The horizontal derivative, clipped.
+    #[default]
+    XSobel,
+    /// Grey levels normalised by their surroundings.
+    NormalizedResponse,
+}
+
 /// The disparity map of each rectified pair (Arys 2020, §2.2.6, table 4.5).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
@@ -42,6 +53,15 @@ pub struct DisparityOptions {
     /// Side of the matched window, px; odd (block matching takes 5 and up).
     #[schemars(range(min = 1, max = 255), extend("not" = {"multipleOf": 2}))]
     pub block_size: i32,
+    /// Block sizes whose maps are fused, per pixel, by what each block could see
+    /// and how well it agrees; odd, px. Empty takes `block_size` alone.
+    #[schemars(
+        length(max = 8),
+        extend("items" = {
+            "type": "integer", "minimum": 1, "maximum": 255, "not": {"multipleOf": 2}
+        })
+    )]
+    pub block_sizes: Vec<i32>,
     /// Penalty of a disparity step of one.
     #[schemars(range(min = 0, max = 100000))]
     pub p1: i32,
@@ -52,7 +72,13 @@ pub struct DisparityOptions {
     /// check off.
     #[schemars(range(min = -1, max = 1024))]
     pub max_left_right_difference_px: i32,
-    /// Clip of the Sobel pre-filter, grey levels.
+    /// What block matching does to the pictures first; semi-global matching takes
+    /// the clipped horizontal derivative.
+    pub pre_filter: PreFilter,
+    /// Window of the pre-filter `normalized_response`, px; odd.
+    #[schemars(range(min = 5, max = 255), extend("not" = {"multipleOf": 2}))]
+    pub pre_filter_size_px: i32,
+    /// Clip of the pre-filter, grey levels.
     #[schemars(range(min = 1, max = 63))]
     pub pre_filter_cap: i32,
     /// Margin by which the best cost must win, percent.
@@ -77,9 +103,12 @@ impl Default for DisparityOptions {
             min_disparity_px: 0,
             num_disparities: 32,
             block_size: 37,
+            block_sizes: Vec::new(),
             p1: 970,
             p2: 5970,
             max_left_right_difference_px: 14,
+            pre_filter: PreFilter::default(),
+            pre_filter_size_px: 9,
             pre_filter_cap: 15,
             uniqueness_percent: 0,
             speckle_window_px: 200,

@@ -10,7 +10,7 @@ mod geometry;
 mod parse;
 mod turntable;
 
-pub use disparity::{DisparityAlgorithm, DisparityOptions, SgbmMode};
+pub use disparity::{DisparityAlgorithm, DisparityOptions, PreFilter, SgbmMode};
 pub use features::{
     Descriptor, DetectionOptions, Detector, FastOptions, FlannOptions, HarrisOptions, Matcher,
     MatchingOptions, OrbOptions, ShiTomasiOptions, SiftOptions, SurfOptions,

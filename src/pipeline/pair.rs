@@ -1,7 +1,6 @@
 //! One pair of views, from matches to both disparity maps.
 
 use image::GrayImage;
-use nalgebra::Matrix3;
 use serde::Serialize;
 
 use super::Cancelled;
@@ -19,7 +18,8 @@ use crate::vision::{
     OpenCvError, Rectification, RectificationError,
 };
 
-/// Steps a pair reports: correspondences, rectification, two maps, the way back.
+/// Steps a pair reports: correspondences, rectification, both maps, the way back of
+/// one, of the other.
 pub(super) const STEPS: usize = 5;
 
 /// The stage a pair failed at, and how.
@@ -194,23 +194,13 @@ fn dense(
     let corners = (options.cloud.source == CloudSource::Corners)
         .then(|| vision::corner_disparity(inliers, &rectification, (width_px, height_px)));
     let options = &options.disparity;
-    let left_map = vision::left_disparity(&left, &right, options);
-    let left_map = derectified(left_map, &rectification.rectified_from_left, progress)?;
-    let right_map = vision::right_disparity(&left, &right, options);
-    let right_map = derectified(right_map, &rectification.rectified_from_right, progress)?;
+    let [left_map, right_map] = vision::disparity_maps(&left, &right, options)?;
+    progress.step()?;
+    let left_map = vision::derectify(&left_map, &rectification.rectified_from_left)?;
+    progress.step()?;
+    let right_map = vision::derectify(&right_map, &rectification.rectified_from_right)?;
     let maps = PairMaps { left: left_map, right: right_map, corners };
     Ok((rectification, maps))
-}
-
-/// A rectified view's map, back in the view.
-fn derectified(
-    rectified: Result<FloatImage, DisparityError>,
-    rectified_from_view: &Matrix3<f64>,
-    progress: &mut PairProgress<'_>,
-) -> Result<FloatImage, Stop> {
-    let rectified = rectified?;
-    progress.step()?;
-    Ok(vision::derectify(&rectified, rectified_from_view)?)
 }
 
 /// Both drawings of a pair, rectified.

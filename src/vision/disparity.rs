@@ -1,8 +1,9 @@
 use image::GrayImage;
 use nalgebra::Matrix3;
 use opencv::calib3d::{
-    StereoBM, StereoBMTrait, StereoMatcherTrait, StereoSGBM, StereoSGBM_MODE_HH,
-    StereoSGBM_MODE_HH4, StereoSGBM_MODE_SGBM, StereoSGBM_MODE_SGBM_3WAY,
+    StereoBM, StereoBM_PREFILTER_NORMALIZED_RESPONSE, StereoBM_PREFILTER_XSOBEL, StereoBMTrait,
+    StereoMatcherTrait, StereoSGBM, StereoSGBM_MODE_HH, StereoSGBM_MODE_HH4, StereoSGBM_MODE_SGBM,
+    StereoSGBM_MODE_SGBM_3WAY,
 };
 use opencv::core::{
     self, BORDER_CONSTANT, Mat, MatTraitConst, MatTraitConstManual, Scalar, Size, ToInputArray,
@@ -12,7 +13,7 @@ use serde::Serialize;
 
 use super::cv::{self, OpenCvError};
 use crate::float_image::FloatImage;
-use crate::options::{DisparityAlgorithm, DisparityOptions, SgbmMode};
+use crate::options::{DisparityAlgorithm, DisparityOptions, PreFilter, SgbmMode};
 
 /// OpenCV's disparities are in sixteenths of a pixel.
 const STEPS_PER_PX: f32 = 16.0;
@@ -93,8 +94,11 @@ pub fn derectify(
 /// About how much memory matching one pair takes, bytes.
 pub fn working_bytes(width_px: u32, height_px: u32, options: &DisparityOptions) -> u64 {
     let cost_row = 2 * u64::from(width_px) * options.num_disparities.max(0) as u64;
-    let pictures = 16 * u64::from(width_px) * u64::from(height_px);
-    let rows = options.block_size.max(0) as u64 + 16;
+    // Of each fused map, value and weight of both directions.
+    let bytes_per_pixel = 16 + 16 * options.block_sizes.len() as u64;
+    let pictures = bytes_per_pixel * u64::from(width_px) * u64::from(height_px);
+    let largest = options.block_sizes.iter().copied().max().unwrap_or(options.block_size);
+    let rows = largest.max(0) as u64 + 16;
     let volumes = match (options.algorithm, options.mode) {
         (DisparityAlgorithm::Sgbm, SgbmMode::EightPath | SgbmMode::Hh4) => 2,
         _ => 0,
@@ -165,6 +169,11 @@ fn block_matching(options: &DisparityOptions) -> Result<core::Ptr<StereoBM>, Ope
     let mut matcher = StereoBM::create(options.num_disparities, block_size)?;
     matcher.set_min_disparity(options.min_disparity_px)?;
     matcher.set_disp12_max_diff(options.max_left_right_difference_px)?;
+    matcher.set_pre_filter_type(match options.pre_filter {
+        PreFilter::XSobel => StereoBM_PREFILTER_XSOBEL,
+        PreFilter::NormalizedResponse => StereoBM_PREFILTER_NORMALIZED_RESPONSE,
+    })?;
+    matcher.set_pre_filter_size(options.pre_filter_size_px)?;
     matcher.set_pre_filter_cap(options.pre_filter_cap)?;
     matcher.set_uniqueness_ratio(options.uniqueness_percent)?;
     matcher.set_speckle_window_size(options.speckle_window_px)?;
@@ -240,6 +249,8 @@ mod tests {
                 .into();
         let algorithm = DisparityAlgorithm::BlockMatching;
         all.push(DisparityOptions { algorithm, block_size: 9, ..options() });
+        let pre_filter = PreFilter::NormalizedResponse;
+        all.push(DisparityOptions { algorithm, pre_filter, block_size: 9, ..options() });
         all
     }
 

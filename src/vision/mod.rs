@@ -15,6 +15,7 @@ mod eight_point;
 mod epipolar;
 mod epipolar_metrics;
 mod features;
+mod fusion;
 mod hull;
 mod matching;
 mod optimal_correction;
@@ -36,6 +37,7 @@ pub use epipolar_metrics::{
 pub use features::{
     Descriptors, FeatureError, Features, Keypoint, detect_and_describe, detection_bytes,
 };
+pub use fusion::disparity_maps;
 pub use hull::{HullError, convex_hull, row_extremes};
 pub use matching::{Match, match_descriptors};
 pub use optimal_correction::{OptimalCorrection, optimal_correction, reprojection_error_px2};

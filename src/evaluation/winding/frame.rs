@@ -35,6 +35,10 @@ impl Frame {
         Point3::from((point - self.middle) * self.per_unit)
     }
 
+    pub(super) fn local_length(&self, length: f64) -> f64 {
+        length * self.per_unit
+    }
+
     pub(super) fn vertex(&self, point: &Point3<f64>) -> Vertex {
         let limit = f64::from(HALF_RANGE);
         // Within the range but for rounding.

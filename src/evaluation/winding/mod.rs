@@ -65,9 +65,9 @@ impl WindingField {
 
     /// The winding number at `point`, in the mesh's frame.
     pub fn at(&self, point: &Point3<f64>) -> f64 {
-        let point = self.frame.local(point);
-        let crossings = self.closed.crossings(point.x, point.y);
-        self.at_local(&crossings, &point)
+        let local = self.frame.local(point);
+        let crossings = self.closed.crossings(local.x, local.y);
+        count_above(&crossings, &local) as f64 - self.of_caps(point)
     }
 
     /// Whether `point` is inside the solid, `|w| > ½`.
@@ -75,22 +75,29 @@ impl WindingField {
         self.at(point).abs() > 0.5
     }
 
-    /// Winding numbers at `(x, y, z)` for each of `zs`: one ray for all.
-    pub fn column(&self, x: f64, y: f64, zs: &[f64]) -> Vec<f64> {
+    /// Winding numbers of the closed mesh, mesh and caps, at `(x, y, z)` for
+    /// each of `zs`: one ray for all. Less [`Self::of_caps`] they are the mesh's.
+    pub(super) fn closed_column(&self, x: f64, y: f64, zs: &[f64]) -> Vec<i64> {
         let local = |z: f64| self.frame.local(&Point3::new(x, y, z));
         let foot = local(0.0);
         let crossings = self.closed.crossings(foot.x, foot.y);
-        zs.iter().map(|&z| self.at_local(&crossings, &local(z))).collect()
+        zs.iter().map(|&z| count_above(&crossings, &local(z))).collect()
     }
 
-    fn at_local(&self, crossings: &[columns::Crossing], point: &Point3<f64>) -> f64 {
-        let closed: i64 = crossings
-            .iter()
-            .filter(|crossing| crossing.z > point.z)
-            .map(|crossing| crossing.sign)
-            .sum();
-        closed as f64 - self.caps.as_ref().map_or(0.0, |caps| caps.at(point))
+    /// The winding number of the caps at `point`; 0 if the mesh was closed.
+    pub(super) fn of_caps(&self, point: &Point3<f64>) -> f64 {
+        self.caps.as_ref().map_or(0.0, |caps| caps.at(&self.frame.local(point)))
     }
+
+    /// Whether a cap may be within `radius` of `point`.
+    pub(super) fn has_caps_within(&self, point: &Point3<f64>, radius: f64) -> bool {
+        let (point, radius) = (self.frame.local(point), self.frame.local_length(radius));
+        self.caps.as_ref().is_some_and(|caps| caps.comes_within(&point, radius))
+    }
+}
+
+fn count_above(crossings: &[columns::Crossing], point: &Point3<f64>) -> i64 {
+    crossings.iter().filter(|crossing| crossing.z > point.z).map(|crossing| crossing.sign).sum()
 }
 
 #[cfg(test)]
@@ -215,9 +222,11 @@ mod tests {
         mesh.triangles.truncate(900);
         let field = WindingField::new(&mesh).unwrap();
         let zs = [-1.2, -0.5, 0.0, 0.7, 1.3];
-        let column = field.column(0.3, -0.2, &zs);
-        let points = zs.map(|z| field.at(&Point3::new(0.3, -0.2, z)));
-        assert_eq!(column, points);
+        let column = field.closed_column(0.3, -0.2, &zs);
+        for (z, closed) in zs.into_iter().zip(column) {
+            let point = Point3::new(0.3, -0.2, z);
+            assert_eq!(closed as f64 - field.of_caps(&point), field.at(&point));
+        }
     }
 
     #[test]

@@ -73,6 +73,24 @@ impl SolidAngleTree {
         self.nodes.len().checked_sub(1).map_or(0.0, |root| self.at_node(root, point))
     }
 
+    /// Whether a ball over some triangles comes within `radius` of `point`.
+    pub(super) fn comes_within(&self, point: &Point3<f64>, radius: f64) -> bool {
+        let root = self.nodes.len().checked_sub(1);
+        root.is_some_and(|root| self.node_comes_within(root, point, radius))
+    }
+
+    fn node_comes_within(&self, node: usize, point: &Point3<f64>, radius: f64) -> bool {
+        let node = &self.nodes[node];
+        let near = (node.centre - point).norm() <= node.radius + radius;
+        near && match node.content {
+            Content::Leaf { .. } => true,
+            Content::Halves(one, other) => {
+                self.node_comes_within(one, point, radius)
+                    || self.node_comes_within(other, point, radius)
+            }
+        }
+    }
+
     fn at_node(&self, node: usize, point: &Point3<f64>) -> f64 {
         let node = &self.nodes[node];
         let to_centre = node.centre - point;

@@ -1,10 +1,12 @@
 //! Depth everywhere inside the silhouette, from the depth of its lines.
 //!
 //! The surface is a membrane `r` through the lines minus a bulge
-//! `w = sqrt(c u)`. `u` solves `-u_xx - u_yy / 2 = 2` with `u = 0` on the
+//! `w = sqrt(c u)`. `u` solves `-u_xx - u_yy / 5 = 2` with `u = 0` on the
 //! contours that bound a surface, so that `w` is exactly an ellipse on a row,
 //! its normal in the image plane at the contour, as a smooth occluding
-//! contour's is. `c` follows from the contour's curvature: `c = 2 rho / u_x`.
+//! contour's is. Rows are linked weakly: sections change fast where an outline
+//! runs along the rows. `c` follows from the contour's curvature:
+//! `c = 2 rho / u_x`.
 
 use super::contours::{Contours, Crossing};
 use super::graph::{Cuts, Owner, PixelGraph, components};
@@ -13,10 +15,16 @@ use super::multigrid::{Hierarchy, Link};
 use super::owners::{cut_inner, is_straight, line_weight};
 
 /// The bulge of a contour that tells nothing, and how firmly it is assumed.
-const PRIOR_BULGE: f64 = 0.6;
+const PRIOR_BULGE: f64 = 0.5;
 const PRIOR_SIGMA: f64 = 0.5;
+/// The odds that a contour's surface is flat, before its curvature is known:
+/// of any line's and of a straight one's.
+const FLAT_ODDS: f64 = 0.3;
+const FLAT_ODDS_STRAIGHT: f64 = 3.0;
 const MAX_BULGE: f64 = 3.0;
 const VERTICAL_LINK: f32 = 0.5;
+/// The same for the shape of the bulge.
+const VERTICAL_LINK_BULGE: f32 = 0.2;
 const ACROSS_INK: f32 = 0.02;
 /// Cut links are not quite cut, so that a part without lines hangs on to the rest.
 const LEAK: f32 = 1e-4;
@@ -63,10 +71,12 @@ impl<'a> Fill<'a> {
             let weight = if cut == 0 { link.weight.max(LEAK) } else { LEAK };
             Link { weight, ..link }
         };
-        let links: Vec<Link> =
-            graph.links(&cuts, VERTICAL_LINK, ACROSS_INK).map(cut_or_leak).collect();
+        let links = |vertical: f32| -> Vec<Link> {
+            graph.links(&cuts, vertical, ACROSS_INK).map(cut_or_leak).collect()
+        };
+        let base = inflation(graph, links(VERTICAL_LINK_BULGE), contours, owners);
+        let links = links(VERTICAL_LINK);
         let hierarchy = Hierarchy::new(&graph.positions, links.clone());
-        let base = inflation(graph, &hierarchy, &links, contours, owners);
         let strength = strength(graph, &hierarchy, contours, lines, owners, &base);
         let bulge_px =
             base.iter().zip(&strength).map(|(u, c)| (u.max(0.0) * c.max(0.0)).sqrt()).collect();
@@ -188,8 +198,7 @@ fn bounds_bulge(crossing: &Crossing) -> bool {
 /// `u`: 0 on the contours that bound a surface.
 fn inflation(
     graph: &PixelGraph,
-    hierarchy: &Hierarchy,
-    links: &[Link],
+    links: Vec<Link>,
     contours: &Contours,
     owners: &[Option<Owner>],
 ) -> Vec<f32> {
@@ -214,6 +223,7 @@ fn inflation(
     let screen = fixed.iter().map(|&is| if is { FIXED } else { 1e-7 }).collect();
     let right: Vec<f32> = fixed.iter().map(|&is| if is { 0.0 } else { 2.0 }).collect();
     let mut base = vec![0.0; graph.nodes()];
+    let hierarchy = Hierarchy::new(&graph.positions, links);
     hierarchy.operator(screen).solve(&right, &mut base, 1e-3, 60);
     base
 }
@@ -292,18 +302,28 @@ struct Curvature {
 }
 
 impl Curvature {
-    /// The bulge strength, between what is measured and the prior; none for a
-    /// straight line without measurable curvature, which is a flat side's edge.
+    /// The bulge strength, between what is measured and the prior, as far as
+    /// the surface is round rather than flat.
     fn bulge(&self, rise: f64) -> f64 {
-        let flat =
-            self.straight && self.rho < 1.2 * self.sigma + 5.0 && self.rho < 0.6 * rise / 2.0;
-        if flat {
-            return 0.0;
-        }
         let measured = (2.0 * self.rho / rise).clamp(0.0, MAX_BULGE);
         let weight = (2.0 * self.sigma / rise).powi(-2);
         let prior = PRIOR_SIGMA.powi(-2);
-        (weight * measured + prior * PRIOR_BULGE) / (weight + prior)
+        let round = (weight * measured + prior * PRIOR_BULGE) / (weight + prior);
+        round * self.roundness(rise / 2.0)
+    }
+
+    /// The probability that the surface is round: a flat side's edge has no
+    /// curvature, a round one's about that of an ellipse.
+    ///
+    /// * `full_px`: the radius of curvature for a bulge of 1.
+    fn roundness(&self, full_px: f64) -> f64 {
+        const FLAT_SIGMA_PX: f64 = 4.0;
+        let density = |off: f64, sigma: f64| (-0.5 * (off / sigma).powi(2)).exp() / sigma;
+        let odds = if self.straight { FLAT_ODDS_STRAIGHT } else { FLAT_ODDS };
+        let flat = odds * density(self.rho.max(0.0), self.sigma + FLAT_SIGMA_PX);
+        let spread = self.sigma.hypot(PRIOR_SIGMA * full_px);
+        let round = density(self.rho - PRIOR_BULGE * full_px, spread);
+        if round > 0.0 { round / (round + flat) } else { 0.0 }
     }
 }
 
@@ -312,11 +332,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_straight_line_without_curvature_does_not_bulge() {
-        let edge = |rho, straight| Curvature { rho, sigma: 20.0, straight }.bulge(100.0);
-        assert_eq!(edge(3.0, true), 0.0);
-        assert!(edge(3.0, false) > 0.05);
-        assert!(edge(90.0, true) > 0.5);
+    fn a_line_that_is_surely_not_curved_does_not_bulge() {
+        let edge = |rho, sigma, straight| Curvature { rho, sigma, straight }.bulge(100.0);
+        assert!(edge(0.0, 2.0, true) < 0.01);
+        assert!(edge(0.0, 2.0, false) < 0.05);
+        // Where little is known, a straight line is still more likely an edge.
+        let unsure = [true, false].map(|straight| edge(3.0, 20.0, straight));
+        assert!(unsure[0] < 0.5 * unsure[1] && unsure[1] > 0.1, "{unsure:?}");
+        assert!(edge(90.0, 20.0, true) > 0.5);
     }
 
     #[test]

@@ -1,11 +1,9 @@
 //! Corrected matches: uploads that bring them, from the service's outside.
 
-mod support;
-
+use crate::harness::{Service, drawing, file, problem, views};
 use reqwest::multipart::Form;
 use reqwest::{Response, StatusCode};
 use serde_json::{Value, json};
-use support::http::{Service, drawing, file, problem, views};
 use turnaround::jobs::{JobId, JobStore};
 use turnaround::sheet::{PairMatchesDocument, ReconstructionPayload, SheetDocument};
 

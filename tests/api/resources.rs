@@ -1,15 +1,13 @@
 //! Reconstructions from upload to deletion, over a real socket.
 
-mod support;
-
 use std::time::{Duration, Instant};
 
+use crate::harness::{LEASE, Service, drawing, encode, file, problem, views};
 use image::ImageFormat;
 use reqwest::header::HeaderMap;
 use reqwest::multipart::Form;
 use reqwest::{Response, StatusCode};
 use serde_json::{Value, json};
-use support::http::{LEASE, Service, drawing, encode, file, problem, views};
 use turnaround::jobs::{Failure, JobId, JobStore};
 use turnaround::options::Options;
 use turnaround::sheet::{ReconstructionPayload, SheetDocument};

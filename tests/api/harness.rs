@@ -1,7 +1,5 @@
 //! A service on a port of its own, with a folder of its own and no workers.
 
-#![allow(dead_code, reason = "each test binary uses another part")]
-
 use std::io::Cursor;
 use std::sync::Arc;
 use std::time::Duration;

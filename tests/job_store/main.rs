@@ -1,16 +1,15 @@
 //! The job store suite, run over every implementation, and what only the
 //! SQLite one must show.
 
-#[path = "support/job_store_suite.rs"]
-mod job_store_suite;
+mod suite;
 
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
 use jiff::Timestamp;
-use job_store_suite::Subject;
 use serde_json::json;
+use suite::Subject;
 use turnaround::jobs::{
     Clock, JobId, JobState, JobStore, ManualClock, NewJob, SqliteStore, SystemClock,
 };
@@ -32,7 +31,7 @@ fn new_job() -> NewJob {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn sqlite_passes_the_suite() {
     let folder = tempfile::tempdir().unwrap();
-    job_store_suite::run(async || {
+    suite::run(async || {
         let clock = clock();
         let path = folder.path().join(format!("{}.sqlite", JobId::new()));
         Subject { store: Arc::new(open(&path, &clock).await), clock }

@@ -1,11 +1,9 @@
 //! Artifacts: lists, versions and byte ranges.
 
-mod support;
-
+use crate::harness::{Service, problem};
 use reqwest::{Method, Response, StatusCode};
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
-use support::http::{Service, problem};
 
 const DISPARITY: &str = "views/22.5/disparity.png";
 

@@ -1,19 +1,17 @@
 //! Drawn sheets: from the upload of a model to the reconstruction of its sheet, and every way an
 //! upload can be wrong.
 
-mod support;
-
 use std::collections::BTreeMap;
 use std::io::{Cursor, Read};
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::Duration;
 
+use crate::harness::{Service, file, problem, views};
 use base64::prelude::{BASE64_STANDARD, Engine};
 use reqwest::multipart::{Form, Part};
 use reqwest::{Response, StatusCode};
 use serde_json::{Value, json};
-use support::http::{Service, file, problem, views};
 use tokio::runtime::Handle;
 use turnaround::artifacts::Key;
 use turnaround::draw::{

@@ -1,15 +1,13 @@
 //! Ground truth with an upload: what is kept of it, and every way it can be
 //! wrong.
 
-mod support;
-
 use std::io::Cursor;
 
+use crate::harness::{Service, drawing, encode, file, problem, views};
 use image::{DynamicImage, ImageBuffer, ImageFormat, Luma, Rgb, Rgb32FImage};
 use reqwest::StatusCode;
 use reqwest::multipart::{Form, Part};
 use serde_json::{Value, json};
-use support::http::{Service, drawing, encode, file, problem, views};
 use turnaround::http::{HttpLimits, ServerTimeouts};
 use turnaround::jobs::{JobId, JobStore};
 use turnaround::model_io;

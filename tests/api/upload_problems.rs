@@ -1,14 +1,12 @@
 //! Every way an upload can be wrong: status, kind of problem, the part to
 //! blame, and that nothing was stored.
 
-mod support;
-
 use std::time::Duration;
 
+use crate::harness::{Service, drawing, encode, file, problem, views};
 use image::ImageFormat;
 use reqwest::multipart::{Form, Part};
 use serde_json::{Value, json};
-use support::http::{Service, drawing, encode, file, problem, views};
 use turnaround::http::{HttpLimits, ServerTimeouts};
 use turnaround::sheet::ImageLimits;
 

@@ -1,12 +1,10 @@
 //! The service itself: its description, pages, health, counters and manners.
 
-mod support;
-
 use std::time::Duration;
 
+use crate::harness::{Service, problem, views};
 use reqwest::{Method, Response, StatusCode};
 use serde_json::Value;
-use support::http::{Service, problem, views};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 use turnaround::http::{HttpLimits, ServerTimeouts, openapi};
