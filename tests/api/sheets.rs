@@ -168,15 +168,22 @@ async fn a_drawn_sheet_can_be_reconstructed_as_it_is() {
     }
 
     let document: Value = serde_json::from_slice(&files["sheet.json"].1).unwrap();
-    let mut form = Form::new().text("sheet", document.to_string());
-    for view in document["views"].as_array().unwrap() {
-        let image = view["image"].as_str().unwrap();
-        form = form.part("image", file(files[image].1.clone(), image));
+    for keys in [["image"].as_slice(), &["image", "depth"]] {
+        let mut form = Form::new().text("sheet", document.to_string());
+        for view in document["views"].as_array().unwrap() {
+            let names = keys.iter().map(|key| view[*key].as_str().unwrap());
+            form = names
+                .fold(form, |form, name| form.part("image", file(files[name].1.clone(), name)));
+        }
+        if keys.contains(&"depth") {
+            form = form.part("model.obj", file(files["model.obj"].1.clone(), "model.obj"));
+        }
+        let response = service.upload(form).await;
+        let status = response.status();
+        let reconstruction: Value = response.json().await.unwrap();
+        assert_eq!(status, StatusCode::ACCEPTED, "{reconstruction}");
+        assert_eq!(reconstruction["views"].as_array().unwrap().len(), 4);
     }
-    let response = service.upload(form).await;
-    assert_eq!(response.status(), StatusCode::ACCEPTED);
-    let reconstruction: Value = response.json().await.unwrap();
-    assert_eq!(reconstruction["views"].as_array().unwrap().len(), 4);
     pool.shutdown(Duration::from_secs(20)).await;
 }
 
