@@ -108,6 +108,7 @@ const IMPURE: &[&str] = &[
     "SystemTime",
 ];
 
+/// Tests in files of their own may use more, as inline ones may.
 fn sources(module: &str) -> Vec<PathBuf> {
     let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
     let file = src.join(module).with_extension("rs");
@@ -118,7 +119,9 @@ fn sources(module: &str) -> Vec<PathBuf> {
             let path = entry.unwrap().path();
             if path.is_dir() {
                 folders.push(path);
-            } else if path.extension().is_some_and(|extension| extension == "rs") {
+            } else if path.extension().is_some_and(|extension| extension == "rs")
+                && !path.file_stem().is_some_and(|stem| stem.to_string_lossy().ends_with("tests"))
+            {
                 found.push(path);
             }
         }

@@ -72,6 +72,7 @@ pub(super) fn sheet_of(
         document.views.push(ViewDocument { image: name, azimuth_deg, ..Default::default() });
     }
     document.options = Some(json!({
+        "method": "uncalibrated",
         "disparity": {"block_size": 15, "min_disparity_px": -16},
         "merge": {"iterations": 40},
     }));
@@ -301,7 +302,7 @@ fn unsuitable_sheets_are_refused_with_a_reason() {
     files.remove("5.png");
     assert!(matches!(run(&document, &files, 1, &Silent), Err(DraftError::Io(_))));
 
-    document.options = Some(json!({"disparity": {"block_size": 4}}));
+    document.options = Some(json!({"method": "uncalibrated", "disparity": {"block_size": 4}}));
     assert_eq!(input_error(&document, &files).0, "invalid_options");
 
     let (mut document, files) = sheet(&[0.0, 5.0, 10.0]);

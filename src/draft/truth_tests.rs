@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 use super::tests::{Files, input_error, metrics, run, sheet};
 use super::*;
-use crate::draw::{DrawOptions, PreparedModel, draw_sheet};
+use crate::draw::{DrawError, DrawOptions, PreparedModel, SheetLimits, draw_sheet};
 use crate::evaluation::{ViewTruth, disparity_from_depth, disparity_from_pairs, evaluate_view};
 use crate::float_image::{FloatImage, decode_pfm, encode_pfm};
 use crate::models::ProceduralModel;
@@ -44,8 +44,13 @@ fn drawn(model: &str, azimuths: &[f64], options: Value) -> (SheetDocument, Files
     let azimuths: Vec<_> = azimuths.iter().map(|&a| Azimuth::from_degrees(a).unwrap()).collect();
     let small = DrawOptions { width_px: 192, height_px: 108, ..DrawOptions::default() };
     let prepared = PreparedModel::new(&model).unwrap();
-    let drawn = draw_sheet(&prepared, &azimuths, &small, &|_| ControlFlow::Continue(())).unwrap();
-    let files: Files = drawn.into_iter().map(|file| (file.name, file.bytes)).collect();
+    let mut files = Files::new();
+    let mut keep = |file: Artifact| -> Result<(), DrawError> {
+        files.insert(file.name, file.bytes);
+        Ok(())
+    };
+    let go_on = |_| ControlFlow::Continue(());
+    draw_sheet(&prepared, &azimuths, &small, &SheetLimits::default(), &go_on, &mut keep).unwrap();
     let mut document: SheetDocument = serde_json::from_slice(&files["sheet.json"]).unwrap();
     document.options = Some(options);
     (document, files)

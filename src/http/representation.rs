@@ -23,7 +23,7 @@ pub struct Reconstruction {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub source: Option<Uuid>,
     /// How the sheet becomes a 3D draft; also in `options`.
-    #[schema(example = "uncalibrated")]
+    #[schema(example = "turntable")]
     pub method: Option<String>,
     /// Every option with the value used.
     #[schema(schema_with = options_reference)]

@@ -36,10 +36,10 @@ use serde::{Deserialize, Serialize};
 pub enum Method {
     /// Epipolar geometry estimated from the drawings (Arys 2020); at least
     /// three views of one size.
-    #[default]
     Uncalibrated,
     /// Depth from matched lines and a solid from silhouettes, at the angles
     /// given; at least two level views of one size.
+    #[default]
     Turntable,
 }
 

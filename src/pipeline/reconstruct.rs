@@ -388,7 +388,10 @@ mod tests {
 
     #[test]
     fn a_usual_sheet_fits_and_a_huge_one_is_refused() {
-        let options = Options::default();
+        let turntable = Options::default();
+        assert_eq!(check_size(19, 1920, 1080, &turntable, 8), Ok(()));
+        assert!(check_size(64, 8000, 8000, &turntable, 8).is_err());
+        let options = Options { method: Method::Uncalibrated, ..turntable };
         assert_eq!(check_size(64, 1920, 1080, &options, 8), Ok(()));
         let error = check_size(64, 8000, 8000, &options, 2).unwrap_err();
         assert!(matches!(error, PipelineError::TooLarge { .. }), "{error}");

@@ -9,7 +9,7 @@ use reqwest::multipart::Form;
 use reqwest::{Response, StatusCode};
 use serde_json::{Value, json};
 use turnaround::jobs::{Failure, JobId, JobStore};
-use turnaround::options::Options;
+use turnaround::options::{Method, Options};
 use turnaround::sheet::{ReconstructionPayload, SheetDocument};
 
 async fn body(response: Response) -> Value {
@@ -70,7 +70,7 @@ async fn views_named_by_azimuth_become_a_durable_job() {
     assert_eq!(names, ["views/0.png", "views/90.jpg", "views/315.png"]);
     assert_eq!(document.views[2].mask.as_deref(), Some("masks/315.png"));
     assert_eq!((document.width, document.height), (Some(32), Some(24)));
-    let mut expected = Options::default();
+    let mut expected = Options { method: Method::Uncalibrated, ..Options::default() };
     expected.disparity.block_size = 15;
     expected.disparity.p1 = 7;
     assert_eq!(document.options, Some(serde_json::to_value(expected).unwrap()));

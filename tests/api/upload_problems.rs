@@ -118,10 +118,13 @@ async fn duplicate_azimuths() {
 #[tokio::test]
 async fn fewer_views_than_the_method_takes() {
     let service = Service::start().await;
-    let body = refused(&service, views(&["0", "45"]), 422, "too-few-views").await;
+    let two = views(&["0", "45"]).text("method", "uncalibrated");
+    let body = refused(&service, two, 422, "too-few-views").await;
     assert!(body["detail"].as_str().unwrap().contains("3 or more"), "{body}");
-    let form = Form::new().text("sheet", sheet(&THREE[..2]).to_string());
-    refused(&service, with_files(form, &FILES[..2]), 422, "too-few-views").await;
+    let body = refused(&service, views(&["0"]), 422, "too-few-views").await;
+    assert!(body["detail"].as_str().unwrap().contains("2 or more"), "{body}");
+    let form = Form::new().text("sheet", sheet(&THREE[..1]).to_string());
+    refused(&service, with_files(form, &FILES[..1]), 422, "too-few-views").await;
 }
 
 #[tokio::test]
