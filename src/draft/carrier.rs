@@ -9,11 +9,11 @@ use crate::export::{Artifact, Bundle};
 const WAITING: usize = 4;
 
 /// What the thread gives back when all artifacts are out.
-pub(super) type Delivered<'a> = Result<(Bundle, EmitArtifact<'a>), DraftError>;
+pub type Delivered<'a> = Result<(Bundle, EmitArtifact<'a>), DraftError>;
 
 /// Bundles and emits artifacts in the order they come, on a thread of its own:
 /// the next ones are made meanwhile.
-pub(super) struct Carrier<'scope> {
+pub struct Carrier<'scope> {
     post: SyncSender<Artifact>,
     thread: ScopedJoinHandle<'scope, Delivered<'scope>>,
 }

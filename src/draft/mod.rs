@@ -20,7 +20,7 @@ use crate::options::{self, Method, Options};
 use crate::pipeline::{Cancelled, Observer, PipelineError, measure, reconstruct};
 use crate::sheet::{ImageLimits, Sheet, SheetDocument};
 
-use carrier::Carrier;
+pub use carrier::Carrier;
 use decode::decode_sheet;
 use export::Exporter;
 use timing::Timed;

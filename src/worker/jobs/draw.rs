@@ -1,15 +1,17 @@
 use std::fmt::Display;
 use std::io;
 use std::ops::ControlFlow;
+use std::thread;
 
 use rayon::ThreadPoolBuilder;
 use serde::Deserialize;
 use serde_json::json;
 
+use crate::draft::Carrier;
 use crate::draw::{
     DRAWING, DrawError, DrawPayload, ModelSource, PreparedModel, SheetLimits, draw_sheet,
 };
-use crate::export::{Artifact, ArtifactName, Bundle, EncodeError};
+use crate::export::{Artifact, ArtifactName, EncodeError};
 use crate::jobs::Failure;
 use crate::model_io::{Limits, Model, ModelError};
 use crate::sheet::Azimuth;
@@ -37,17 +39,24 @@ impl Work for Draw {
         let azimuths: Vec<_> = azimuths.collect::<Result<_, _>>().map_err(|e| unreadable(&e))?;
         let model = PreparedModel::new(&self.load(&payload.model, attempt)?)?;
         let progress = |done: usize| report(attempt, done, azimuths.len());
-        let mut bundle = Bundle::default();
-        let mut keep = |artifact: Artifact| -> Result<(), WorkError> {
-            bundle.add(&artifact)?;
-            Ok(emit(attempt, artifact)?)
-        };
         let pool = ThreadPoolBuilder::new().num_threads(attempt.threads().max(1)).build();
         let pool = pool.map_err(|error| WorkError::Broken(error.to_string()))?;
-        pool.install(|| {
-            draw_sheet(&model, &azimuths, &payload.options, &self.sheet, &progress, &mut keep)
-        })?;
-        Ok(emit(attempt, Artifact::new(ArtifactName::Bundle, bundle.finish()?))?)
+        let mut store =
+            |artifact: Artifact| attempt.emit(&artifact.name, artifact.media_type, artifact.bytes);
+        thread::scope(|scope| {
+            let carrier = Carrier::start(scope, &mut store);
+            let mut keep = |artifact| {
+                let stopped = || WorkError::Broken("files are taken no more".to_owned());
+                carrier.send(artifact).then_some(()).ok_or_else(stopped)
+            };
+            let drawn = pool.install(|| {
+                draw_sheet(&model, &azimuths, &payload.options, &self.sheet, &progress, &mut keep)
+            });
+            // Why files are taken no more, if so.
+            let (bundle, store) = carrier.finish()?;
+            drawn?;
+            Ok(store(Artifact::new(ArtifactName::Bundle, bundle.finish()?))?)
+        })
     }
 }
 
@@ -66,10 +75,6 @@ fn report(attempt: &Attempt<'_>, done: usize, total: usize) -> ControlFlow<()> {
     let progress = json!({"stage": "views", "done": done, "total": total, "fraction": fraction});
     attempt.report(fraction, progress);
     if attempt.is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-}
-
-fn emit(attempt: &Attempt<'_>, artifact: Artifact) -> io::Result<()> {
-    attempt.emit(&artifact.name, artifact.media_type, artifact.bytes)
 }
 
 impl From<DrawError> for WorkError {
