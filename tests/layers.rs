@@ -46,6 +46,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
             "turntable",
         ],
     ),
+    ("study", &["evaluation", "float_image", "options", "pipeline", "sheet", "vision"]),
     ("worker", &["artifacts", "draft", "export", "jobs", "options", "pipeline", "sheet"]),
     (
         "http",
@@ -64,6 +65,7 @@ const PURE: &[&str] = &[
     "models",
     "draw",
     "evaluation",
+    "study",
     "turntable",
 ];
 

@@ -4,6 +4,7 @@ use super::config::{Config, ConfigArgs};
 use super::draw::{self, DrawArgs};
 use super::failure::Failure;
 use super::reconstruct::{self, ReconstructArgs};
+use super::study::{self, StudyArgs};
 use super::{serve, telemetry};
 
 /// Turns a model sheet into depth maps, metrics and a 3D draft
@@ -24,6 +25,8 @@ enum Command {
     Reconstruct(ReconstructArgs),
     /// Draw a model sheet from a 3D model, with its ground truth
     Draw(DrawArgs),
+    /// Run the dissertation's study on a folder of sheets with truth
+    Study(StudyArgs),
     /// Print the OpenAPI description of the service
     Openapi,
 }
@@ -37,6 +40,7 @@ pub fn run() -> Result<(), Failure> {
         Command::Worker(args) => serve::worker(&settings(args, &matches)?),
         Command::Reconstruct(args) => reconstruct::run(&args),
         Command::Draw(args) => draw::run(&args),
+        Command::Study(args) => study::run(&args),
         Command::Openapi => {
             println!("{:#}", crate::http::openapi());
             Ok(())

@@ -93,6 +93,11 @@ fn document(args: &ReconstructArgs) -> Result<(SheetDocument, PathBuf)> {
             }
         }
         document.views.retain(|view| wanted.iter().any(|azimuth| at(view, *azimuth)));
+        // Of pairs that are still there; views left out part neighbours.
+        let is_wanted = |degrees| wanted.iter().any(|a| Azimuth::from_degrees(degrees) == Ok(*a));
+        document
+            .matches
+            .retain(|pair| is_wanted(pair.left_azimuth_deg) && is_wanted(pair.right_azimuth_deg));
     }
     Ok((document, base))
 }

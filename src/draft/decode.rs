@@ -58,7 +58,10 @@ pub(super) fn decode_sheet(
         unit: None,
         fraction: 1.0,
     });
-    Sheet::new(views).map_err(|error| DraftError::input("invalid_sheet", error))
+    Sheet::new(views)
+        .map_err(|error| DraftError::input("invalid_sheet", error))?
+        .with_matches(&document.matches, options.max_pair_angle_deg)
+        .map_err(|error| DraftError::input("invalid_matches", error))
 }
 
 fn inspect<'a>(

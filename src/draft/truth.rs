@@ -10,6 +10,7 @@ use crate::evaluation::{
 };
 use crate::geometry::Mesh;
 use crate::model_io::{self, ModelFormat};
+use crate::options::EvaluationOptions;
 use crate::pipeline::Observer;
 use crate::sheet::{Azimuth, ImageLimits, Sheet, SheetDocument, TruthKind};
 
@@ -19,6 +20,7 @@ pub(super) struct Truths<'a> {
     document: &'a SheetDocument,
     read: ReadImage<'a>,
     limits: &'a ImageLimits,
+    options: SolidOptions,
     /// By rising azimuth.
     views: Vec<NamedTruth<'a>>,
     model: Option<(Mesh, f64)>,
@@ -42,8 +44,7 @@ impl<'a> Truths<'a> {
     pub fn read(
         document: &'a SheetDocument,
         sheet: &Sheet,
-        read: ReadImage<'a>,
-        limits: &'a ImageLimits,
+        (read, limits, options): (ReadImage<'a>, &'a ImageLimits, &EvaluationOptions),
         pool: &ThreadPool,
         observer: &dyn Observer,
     ) -> Result<Option<Self>, DraftError> {
@@ -52,7 +53,12 @@ impl<'a> Truths<'a> {
         if views.is_empty() && model.is_none() {
             return Ok(None);
         }
-        let truths = Self { document, read, limits, views, model };
+        let options = SolidOptions {
+            grid_cells: options.grid_cells as usize,
+            samples: options.samples as usize,
+            ..SolidOptions::default()
+        };
+        let truths = Self { document, read, limits, options, views, model };
         let checked: Vec<_> = pool.install(|| {
             let views = truths.views.par_iter().with_max_len(1);
             let check = |view: &NamedTruth<'_>| {
@@ -122,8 +128,7 @@ impl<'a> Truths<'a> {
         observer.check()?;
         let model = self.model.as_ref().map(|(truth, pixels_per_unit)| match mesh {
             Err(failure) => ModelReport::Failed { failure },
-            Ok(mesh) => pool
-                .install(|| compare_model(mesh, truth, *pixels_per_unit, SolidOptions::default())),
+            Ok(mesh) => pool.install(|| compare_model(mesh, truth, *pixels_per_unit, self.options)),
         });
         Ok(TruthReport::new(views, model))
     }

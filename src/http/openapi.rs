@@ -166,6 +166,7 @@ fn describe_upload(document: &mut Value) {
     body["content"]["multipart/form-data"]["encoding"] = json!({
         "sheet": {"contentType": "application/json"},
         "options": {"contentType": "application/json"},
+        "matches": {"contentType": "application/json"},
         "truth": {"contentType": "application/json"},
         "image": {"contentType": "image/png, image/jpeg, image/webp, image/tiff"},
     });

@@ -11,6 +11,8 @@ pub enum Detector {
     #[default]
     ShiTomasi,
     Sift,
+    /// Blobs: maxima of the Hessian's determinant (Bay et al. 2008).
+    Surf,
 }
 
 /// Keypoint descriptor (Arys 2020, §2.2.3).
@@ -22,9 +24,13 @@ pub enum Descriptor {
     Orb,
     /// 128 values, compared by Euclidean distance.
     Sift,
+    /// 64 values, compared by Euclidean distance.
+    Surf,
 }
 
 /// Which keypoints are found and how they are described (Arys 2020, table 4.3).
+///
+/// Every detector goes with every descriptor, but SIFT's points with ORB's.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct DetectionOptions {
@@ -35,6 +41,7 @@ pub struct DetectionOptions {
     pub harris: HarrisOptions,
     pub shi_tomasi: ShiTomasiOptions,
     pub sift: SiftOptions,
+    pub surf: SurfOptions,
 }
 
 /// FAST corners.
@@ -197,10 +204,75 @@ impl Default for SiftOptions {
     }
 }
 
+/// SURF keypoints, and how SURF describes any detector's points.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct SurfOptions {
+    /// The least determinant of the Hessian, of 8-bit grey levels and filters
+    /// normalised by their boxes' areas, as OpenCV counts.
+    #[schemars(range(min = 0.0, max = 1_000_000.0))]
+    pub hessian_threshold: f64,
+    /// Octaves: how often sampling step and filter size double, and one.
+    #[schemars(range(min = 1, max = 8))]
+    pub octaves: u32,
+    /// Scales an octave in which blobs are found.
+    #[schemars(range(min = 1, max = 16))]
+    pub octave_layers: u32,
+    /// Leave out the orientation: faster, for pictures that are not rotated.
+    pub upright: bool,
+}
+
+impl Default for SurfOptions {
+    fn default() -> Self {
+        Self { hessian_threshold: 1000.0, octaves: 2, octave_layers: 4, upright: false }
+    }
+}
+
+/// How the nearest descriptors are searched.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Matcher {
+    /// Every descriptor against every other: exact.
+    #[default]
+    BruteForce,
+    /// Approximate: randomised k-d trees for values, locality-sensitive hashing
+    /// for bits (Muja & Lowe 2009).
+    Flann,
+}
+
+/// The approximate search.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct FlannOptions {
+    /// Randomised k-d trees searched together (SIFT and SURF descriptors).
+    #[schemars(range(min = 1, max = 64))]
+    pub trees: i32,
+    /// Leaves of the k-d trees looked at: more are slower and more exact.
+    #[schemars(range(min = 1, max = 100000))]
+    pub checks: i32,
+    /// Hash tables (ORB descriptors).
+    #[schemars(range(min = 1, max = 64))]
+    pub tables: i32,
+    /// Bits of a hash key.
+    #[schemars(range(min = 1, max = 24))]
+    pub key_bits: i32,
+    /// Keys this many bits away are looked up too.
+    #[schemars(range(min = 0, max = 3))]
+    pub multi_probe_level: i32,
+}
+
+impl Default for FlannOptions {
+    fn default() -> Self {
+        Self { trees: 4, checks: 32, tables: 6, key_bits: 12, multi_probe_level: 1 }
+    }
+}
+
 /// How descriptors become matches (Arys 2020, §2.2.3, §3.3).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct MatchingOptions {
+    pub matcher: Matcher,
+    pub flann: FlannOptions,
     /// Keep a match only if each is the other's best.
     pub cross_check: bool,
     /// Lowe's ratio: keep a match only if its distance is below this share of
@@ -215,6 +287,12 @@ pub struct MatchingOptions {
 
 impl Default for MatchingOptions {
     fn default() -> Self {
-        Self { cross_check: true, ratio: None, max_distance: None }
+        Self {
+            matcher: Matcher::default(),
+            flann: FlannOptions::default(),
+            cross_check: true,
+            ratio: None,
+            max_distance: None,
+        }
     }
 }

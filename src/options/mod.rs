@@ -5,18 +5,21 @@
 //! line accepts. Defaults are those of Arys 2020, tables 4.3 and 4.5.
 
 mod disparity;
+mod evaluation;
 mod features;
 mod geometry;
 mod parse;
 mod turntable;
 
 pub use disparity::{DisparityAlgorithm, DisparityOptions, SgbmMode};
+pub use evaluation::EvaluationOptions;
 pub use features::{
-    Descriptor, DetectionOptions, Detector, FastOptions, HarrisOptions, MatchingOptions,
-    OrbOptions, ShiTomasiOptions, SiftOptions,
+    Descriptor, DetectionOptions, Detector, FastOptions, FlannOptions, HarrisOptions, Matcher,
+    MatchingOptions, OrbOptions, ShiTomasiOptions, SiftOptions, SurfOptions,
 };
 pub use geometry::{
-    CloudOptions, DepthRelation, EpipolarOptions, Estimator, ExportOptions, MergeOptions, Origin,
+    CloudOptions, CloudSource, CoplanarPairs, DepthRelation, EpipolarOptions, Estimator,
+    ExportOptions, Feedback, MergeOptions, MetricWeights, Origin,
 };
 pub use parse::{OptionProblem, OptionProblemKind, OptionProblems, merge, nested, parse, schema};
 pub use turntable::{
@@ -58,6 +61,7 @@ pub struct Options {
     pub merge: MergeOptions,
     pub turntable: TurntableOptions,
     pub export: ExportOptions,
+    pub evaluation: EvaluationOptions,
 }
 
 impl Default for Options {
@@ -74,6 +78,7 @@ impl Default for Options {
             merge: MergeOptions::default(),
             turntable: TurntableOptions::default(),
             export: ExportOptions::default(),
+            evaluation: EvaluationOptions::default(),
         }
     }
 }

@@ -130,8 +130,19 @@ impl Options {
         {
             problems.push(problem(
                 "detection.descriptor",
-                "SIFT keypoints cannot take ORB descriptors; use sift".to_owned(),
+                "SIFT keypoints cannot take ORB descriptors: their pyramids differ; use sift or surf"
+                    .to_owned(),
             ));
+        }
+        let weights = &self.epipolar.weights;
+        let sum = weights.mean_sampson
+            + weights.smallest_eigenvalue
+            + weights.outlier_ratio
+            + weights.orthogonality
+            + weights.aspect_ratio;
+        if sum <= 0.0 {
+            let detail = "all weights are 0; give at least one above".to_owned();
+            problems.push(problem("epipolar.weights", detail));
         }
         let disparity = &self.disparity;
         if disparity.p2 <= disparity.p1 {

@@ -1,24 +1,33 @@
 //! From two views' features to their epipolar geometry, tried again with other
-//! detection parameters while it is not good enough.
+//! parameters while it is not good enough.
 
+use image::GrayImage;
 use serde::Serialize;
 
+use super::edit::{EditReport, edited};
 use super::pair::PairFailure;
 use super::pairs::PairName;
-use super::variation::vary_detection;
-use crate::options::{DetectionOptions, Options};
-use crate::sheet::View;
+use super::quality::{FiveMetrics, inlier_sampson};
+use super::variation::{Parameters, pair_seed, vary};
+use crate::options::{DetectionOptions, EpipolarOptions, Feedback, Options};
+use crate::sheet::MatchEdit;
 use crate::vision::{
     Correspondence, EpipolarGeometry, FeatureError, Features, Match, detect_and_describe,
-    estimate_fundamental, match_descriptors, mean_distance, sampson_distance_px2,
+    estimate_fundamental, match_descriptors,
 };
+
+/// Sets the estimate's random stream apart from those of detection tries.
+const SEED_PURPOSE: u64 = 2 << 32;
+/// Tries with fewer inliers go behind those with as many, however good: few
+/// matches are easily explained.
+const MANY_INLIERS: usize = 15;
 
 /// A match as coordinates, OpenCV's pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MatchedPoints {
     pub points: Correspondence,
-    /// Descriptor distance.
-    pub distance: f32,
+    /// Descriptor distance; `None` for matches that were given.
+    pub distance: Option<f32>,
 }
 
 /// One try's outcome.
@@ -32,9 +41,15 @@ pub struct TryReport {
     pub inliers: usize,
     /// Over the inliers; null if there is no estimate.
     pub mean_sampson_px2: Option<f64>,
+    /// All five, if they are what is optimised and exist.
+    pub five_metrics: Option<FiveMetrics>,
+    /// Their weighed sum.
+    pub cost: Option<f64>,
     /// Whether the mean Sampson distance was at most its threshold.
     pub passed: bool,
     pub failure: Option<String>,
+    /// Inlier threshold that it ran with, px.
+    pub max_error_px: f64,
     /// What the detection ran with.
     pub detection: DetectionOptions,
 }
@@ -44,12 +59,26 @@ pub struct TryReport {
 pub(super) struct Correspondences {
     pub keypoints: [usize; 2],
     pub matches: Vec<MatchedPoints>,
+    /// What was done to the automatic matches.
+    pub edit: Option<EditReport>,
     pub geometry: Result<EpipolarGeometry, PairFailure>,
     pub tries: Vec<TryReport>,
+    /// Of the try that these are from; from 1.
+    pub chosen_try: u32,
 }
 
 /// One view's features, or why it has none.
 pub(super) type ViewFeatures = Result<Features, FeatureError>;
+
+/// Two views to be matched.
+#[derive(Clone, Copy)]
+pub(super) struct PairInput<'a> {
+    pub name: PairName,
+    pub drawings: [&'a GrayImage; 2],
+    /// By the options as given.
+    pub features: [&'a ViewFeatures; 2],
+    pub edit: Option<&'a MatchEdit>,
+}
 
 /// Matches two views and estimates their geometry; the best of at most
 /// `options.epipolar.tries`.
@@ -57,56 +86,102 @@ pub(super) type ViewFeatures = Result<Features, FeatureError>;
 /// `check` is asked between tries.
 ///
 /// # Source
-/// Arys 2020, §3.4 (the feedback of the mean Sampson distance).
+/// Arys 2020, §3.4 (the feedback of the mean Sampson distance), §3.5 (of all
+/// five metrics).
 pub(super) fn correspond<E>(
-    pair: PairName,
-    views: [&View; 2],
-    features: [&ViewFeatures; 2],
+    pair: &PairInput<'_>,
     options: &Options,
     check: impl Fn() -> Result<(), E>,
 ) -> Result<Correspondences, E> {
-    let mut best = attempt(features, &options.detection, options, 1);
-    for number in 2..=options.epipolar.tries {
-        if best.tries.last().is_some_and(|last| last.passed) {
+    let given = Parameters::of(options);
+    let mut used = given.clone();
+    let mut best = attempt(pair, pair.features, &used, options, 1);
+    // Where no match is automatic, detection has no say.
+    let tries = match pair.edit {
+        Some(MatchEdit::Replace(_)) => 1,
+        _ => options.epipolar.tries,
+    };
+    for number in 2..=tries {
+        if is_settled(&best, &options.epipolar) {
             break;
         }
         check()?;
-        let detection = vary_detection(&options.detection, options.seed, pair, number - 1);
-        let found = views.map(|view| detect_and_describe(&view.image, &detection));
-        let next = attempt([&found[0], &found[1]], &detection, options, number);
-        best = better(best, next);
+        let from = match options.epipolar.feedback {
+            Feedback::MeanSampson => &given,
+            Feedback::FiveMetrics => &used,
+        };
+        let varied = vary(from, options, pair.name, number - 1);
+        let found = pair.drawings.map(|drawing| detect_and_describe(drawing, &varied.detection));
+        let next = attempt(pair, [&found[0], &found[1]], &varied, options, number);
+        best = better(best, next, options.epipolar.feedback);
+        if best.chosen_try == number {
+            used = varied;
+        }
     }
     Ok(best)
 }
 
+/// Whether further tries are spared.
+fn is_settled(best: &Correspondences, options: &EpipolarOptions) -> bool {
+    options.feedback == Feedback::MeanSampson && best.tries.last().is_some_and(|last| last.passed)
+}
+
 /// The better of two outcomes, with the tries of both.
-fn better(old: Correspondences, new: Correspondences) -> Correspondences {
-    let quality = |c: &Correspondences| inlier_sampson(c).unwrap_or(f64::INFINITY);
-    let wins = quality(&new) < quality(&old);
+fn better(old: Correspondences, new: Correspondences, feedback: Feedback) -> Correspondences {
+    let quality = |outcome: &Correspondences| {
+        let report = outcome.tries.last();
+        let value = report.and_then(|report| match feedback {
+            Feedback::MeanSampson => report.mean_sampson_px2,
+            Feedback::FiveMetrics => report.cost,
+        });
+        let few = report.is_some_and(|report| report.inliers < MANY_INLIERS);
+        let behind = feedback == Feedback::FiveMetrics && few;
+        (value.is_none(), behind, value.unwrap_or(f64::INFINITY))
+    };
+    // The older's own report is not its last.
+    let chosen = old.tries.iter().find(|report| report.number == old.chosen_try).cloned();
+    let of_old = Correspondences { tries: chosen.into_iter().collect(), ..old.clone() };
+    let wins = quality(&new) < quality(&of_old);
     let tries = [old.tries.clone(), new.tries.clone()].concat();
     Correspondences { tries, ..if wins { new } else { old } }
 }
 
 fn attempt(
+    pair: &PairInput<'_>,
     features: [&ViewFeatures; 2],
-    detection: &DetectionOptions,
+    parameters: &Parameters,
     options: &Options,
     number: u32,
 ) -> Correspondences {
     let keypoints =
         features.map(|found| found.as_ref().map_or(0, |features| features.keypoints.len()));
-    let (matches, geometry) = match match_features(features, options) {
-        Ok(matches) => {
-            let points: Vec<_> = matches.iter().map(|m| m.points).collect();
-            let geometry = estimate_fundamental(&points, &options.epipolar)
-                .map_err(PairFailure::EpipolarGeometry);
-            (matches, geometry)
-        }
-        Err(failure) => (Vec::new(), Err(failure)),
+    let automatic = match pair.edit {
+        Some(MatchEdit::Replace(_)) => Ok(Vec::new()),
+        _ => match_features(features, options),
     };
-    let mut outcome = Correspondences { keypoints, matches, geometry, tries: Vec::new() };
-    outcome.tries.push(report(&outcome, detection, options, number));
-    outcome
+    let epipolar =
+        EpipolarOptions { max_error_px: parameters.max_error_px, ..options.epipolar.clone() };
+    let (matches, edit, geometry) = match automatic {
+        Ok(automatic) => {
+            let (matches, edit) = edited(automatic, pair.edit);
+            let points: Vec<_> = matches.iter().map(|m| m.points).collect();
+            let seed = pair_seed(options.seed, pair.name, SEED_PURPOSE);
+            let geometry = estimate_fundamental(&points, &epipolar, seed)
+                .map_err(PairFailure::EpipolarGeometry);
+            (matches, edit, geometry)
+        }
+        Err(failure) => (Vec::new(), None, Err(failure)),
+    };
+    let outcome = Correspondences {
+        keypoints,
+        matches,
+        edit,
+        geometry,
+        tries: Vec::new(),
+        chosen_try: number,
+    };
+    let report = report(&outcome, pair, parameters, &epipolar);
+    Correspondences { tries: vec![report], ..outcome }
 }
 
 fn match_features(
@@ -116,8 +191,9 @@ fn match_features(
     let [left, right] =
         features.map(|found| found.as_ref().map_err(|error| PairFailure::Features(error.clone())));
     let (left, right) = (left?, right?);
-    let matches = match_descriptors(&left.descriptors, &right.descriptors, &options.matching)
-        .map_err(PairFailure::Matching)?;
+    let matches =
+        match_descriptors(&left.descriptors, &right.descriptors, &options.matching, options.seed)
+            .map_err(PairFailure::Matching)?;
     Ok(matches.iter().map(|found| located(found, left, right)).collect())
 }
 
@@ -126,35 +202,33 @@ fn located(found: &Match, left: &Features, right: &Features) -> MatchedPoints {
         left: left.keypoints[found.left].position.cast(),
         right: right.keypoints[found.right].position.cast(),
     };
-    MatchedPoints { points, distance: found.distance }
+    MatchedPoints { points, distance: Some(found.distance) }
 }
 
 fn report(
     outcome: &Correspondences,
-    detection: &DetectionOptions,
-    options: &Options,
-    number: u32,
+    pair: &PairInput<'_>,
+    parameters: &Parameters,
+    options: &EpipolarOptions,
 ) -> TryReport {
-    let mean_sampson_px2 = inlier_sampson(outcome);
+    let points: Vec<_> = outcome.matches.iter().map(|m| m.points).collect();
+    let geometry = outcome.geometry.as_ref().ok();
+    let mean_sampson_px2 = geometry.and_then(|geometry| inlier_sampson(geometry, &points));
+    let five_metrics = geometry
+        .filter(|_| options.feedback == Feedback::FiveMetrics)
+        .and_then(|geometry| FiveMetrics::of(geometry, &points, pair.drawings[0].dimensions()));
     TryReport {
-        number,
+        number: outcome.chosen_try,
         keypoints_left: outcome.keypoints[0],
         keypoints_right: outcome.keypoints[1],
         matches: outcome.matches.len(),
-        inliers: outcome.geometry.as_ref().map_or(0, EpipolarGeometry::inlier_count),
+        inliers: geometry.map_or(0, EpipolarGeometry::inlier_count),
         mean_sampson_px2,
-        passed: mean_sampson_px2.is_some_and(|msd| msd <= options.epipolar.max_mean_sampson_px2),
+        five_metrics,
+        cost: five_metrics.map(|five| five.cost(&options.weights)),
+        passed: mean_sampson_px2.is_some_and(|msd| msd <= options.max_mean_sampson_px2),
         failure: outcome.geometry.as_ref().err().map(ToString::to_string),
-        detection: detection.clone(),
+        max_error_px: parameters.max_error_px,
+        detection: parameters.detection.clone(),
     }
-}
-
-fn inlier_sampson(outcome: &Correspondences) -> Option<f64> {
-    let geometry = outcome.geometry.as_ref().ok()?;
-    let inliers = outcome.matches.iter().zip(&geometry.inliers).filter(|(_, inlier)| **inlier);
-    mean_distance(
-        &geometry.fundamental,
-        inliers.map(|(m, _)| (m.points.left, m.points.right)),
-        sampson_distance_px2,
-    )
 }

@@ -70,7 +70,8 @@ pub(super) fn merge(
     let mut forward: Vec<Option<Similarity3<f64>>> = vec![None; views.len()];
     let mut links = Vec::new();
     for (plan, pair) in plans.iter().zip(pairs) {
-        let (Some(left), Some(right)) = (&views[plan.left].depth, &views[plan.right].depth) else {
+        let depths = (views[plan.left].cloud_depth(), views[plan.right].cloud_depth());
+        let (Some(left), Some(right)) = depths else {
             continue;
         };
         if pair.rectification().is_none() {
@@ -82,7 +83,7 @@ pub(super) fn merge(
         }
         links.push(MergeLink { pair: pair.name, shared_points, outcome: outcome(fit) });
     }
-    let points: Vec<_> = views.iter().map(|view| count_points(view.depth.as_ref())).collect();
+    let points: Vec<_> = views.iter().map(|view| count_points(view.cloud_depth())).collect();
     let azimuths: Vec<_> = views.iter().map(|view| view.azimuth).collect();
     let chain = longest_chain(&forward, &points);
     Merged { views: place(&chain, &forward, &azimuths), links }

@@ -5,12 +5,15 @@ use nalgebra::Matrix3;
 use serde::Serialize;
 
 use super::Cancelled;
-use super::correspond::{Correspondences, MatchedPoints, TryReport, ViewFeatures, correspond};
+use super::correspond::{
+    Correspondences, MatchedPoints, PairInput, TryReport, ViewFeatures, correspond,
+};
+use super::edit::EditReport;
 use super::pairs::{PairName, PlannedPair};
 use super::tracker::Tracker;
 use crate::float_image::FloatImage;
-use crate::options::Options;
-use crate::sheet::View;
+use crate::options::{CloudSource, Options};
+use crate::sheet::{Sheet, View};
 use crate::vision::{
     self, Correspondence, DisparityError, EpipolarError, EpipolarGeometry, FeatureError,
     OpenCvError, Rectification, RectificationError,
@@ -53,8 +56,12 @@ pub struct PairResult {
     pub keypoints_left: usize,
     pub keypoints_right: usize,
     pub matches: Vec<MatchedPoints>,
+    /// What a person did to the automatic matches.
+    pub edit: Option<EditReport>,
     pub outcome: PairOutcome,
     pub tries: Vec<TryReport>,
+    /// The number of the try that went on.
+    pub chosen_try: u32,
 }
 
 impl PairResult {
@@ -85,15 +92,20 @@ impl PairResult {
     }
 }
 
-fn agreeing(matches: &[MatchedPoints], geometry: &EpipolarGeometry) -> Vec<Correspondence> {
-    let flagged = matches.iter().zip(&geometry.inliers);
-    flagged.filter(|(_, inlier)| **inlier).map(|(found, _)| found.points).collect()
+pub(super) fn agreeing(
+    matches: &[MatchedPoints],
+    geometry: &EpipolarGeometry,
+) -> Vec<Correspondence> {
+    let points: Vec<_> = matches.iter().map(|found| found.points).collect();
+    geometry.agreeing(&points).collect()
 }
 
 /// Disparity at the pixels of the left and of the right view.
 pub(super) struct PairMaps {
     pub left: FloatImage,
     pub right: FloatImage,
+    /// The same at the matched corners alone, if clouds are made of them.
+    pub corners: Option<[FloatImage; 2]>,
 }
 
 /// Why a pair's stages ended early.
@@ -123,17 +135,22 @@ impl From<DisparityError> for Stop {
 /// Takes one pair through all its stages. A failure is a result.
 pub(super) fn process_pair(
     plan: &PlannedPair,
-    views: &[View],
+    sheet: &Sheet,
     features: &[ViewFeatures],
     options: &Options,
     tracker: &Tracker<'_>,
 ) -> Result<(PairResult, Option<PairMaps>), Cancelled> {
-    let pair_views = [&views[plan.left], &views[plan.right]];
-    let pair_features = [&features[plan.left], &features[plan.right]];
+    let pair_views = [&sheet.views()[plan.left], &sheet.views()[plan.right]];
+    let input = PairInput {
+        name: plan.name,
+        drawings: pair_views.map(|view| &view.image),
+        features: [&features[plan.left], &features[plan.right]],
+        edit: sheet.match_edit(plan.name.left, plan.name.right),
+    };
     let mut progress = PairProgress { tracker, taken: 0 };
-    let found = correspond(plan.name, pair_views, pair_features, options, || tracker.check())?;
+    let found = correspond(&input, options, || tracker.check())?;
     progress.step()?;
-    let Correspondences { keypoints, matches, geometry, tries } = found;
+    let Correspondences { keypoints, matches, edit, geometry, tries, chosen_try } = found;
     let (outcome, maps) = match geometry {
         Err(failure) => (PairOutcome::Failed { failure, geometry: None }, None),
         Ok(geometry) => {
@@ -156,8 +173,10 @@ pub(super) fn process_pair(
         keypoints_left: keypoints[0],
         keypoints_right: keypoints[1],
         matches,
+        edit,
         outcome,
         tries,
+        chosen_try,
     };
     Ok((result, maps))
 }
@@ -175,12 +194,14 @@ fn dense(
     let [left, right] = rectified_pair([&views[0].image, &views[1].image], &rectification)
         .map_err(RectificationError::from)?;
     progress.step()?;
+    let corners = (options.cloud.source == CloudSource::Corners)
+        .then(|| vision::corner_disparity(inliers, &rectification, (width_px, height_px)));
     let options = &options.disparity;
     let left_map = vision::left_disparity(&left, &right, options);
     let left_map = derectified(left_map, &rectification.rectified_from_left, progress)?;
     let right_map = vision::right_disparity(&left, &right, options);
     let right_map = derectified(right_map, &rectification.rectified_from_right, progress)?;
-    let maps = PairMaps { left: left_map, right: right_map };
+    let maps = PairMaps { left: left_map, right: right_map, corners };
     Ok((rectification, maps))
 }
 

@@ -19,8 +19,9 @@ use crate::vision::{
 
 /// What a reconstruction may hold in memory at once, bytes.
 const MAX_WORKING_BYTES: u64 = 8 << 30;
-/// Per pixel and view: the drawing, two disparity maps, their mean and depth.
-const BYTES_PER_PIXEL: u64 = 17;
+/// Per pixel and view: the drawing, two disparity maps, their mean and depth, the
+/// last three of corners too.
+const BYTES_PER_PIXEL: u64 = 29;
 /// Per pixel and view, the method `turntable`: drawing, lines, graph and surface.
 const TURNTABLE_BYTES_PER_PIXEL: u64 = 200;
 
@@ -75,6 +76,15 @@ pub struct ViewResult {
     pub disparity: Option<FloatImage>,
     /// px, growing away from the camera; `None` without a usable pair.
     pub depth: Option<FloatImage>,
+    /// The same at the matched corners alone, if clouds are made of them.
+    pub corner_depth: Option<FloatImage>,
+}
+
+impl ViewResult {
+    /// The depth that the view's cloud is made of.
+    pub fn cloud_depth(&self) -> Option<&FloatImage> {
+        self.corner_depth.as_ref().or(self.depth.as_ref())
+    }
 }
 
 /// Everything the pipeline found out about a sheet.
@@ -110,7 +120,7 @@ impl Reconstruction {
     /// `stride`-th row of each joined view, in chain order.
     pub fn cloud(&self, stride: u32) -> impl Iterator<Item = Point3<f64>> {
         self.merged.views.iter().flat_map(move |(view, turntable_from_view)| {
-            let depth = self.views[*view].depth.iter();
+            let depth = self.views[*view].cloud_depth().into_iter();
             depth.flat_map(move |depth| {
                 ViewCloud::new(depth).points(stride).map(move |point| turntable_from_view * point)
             })
@@ -140,7 +150,7 @@ pub fn reconstruct(
         .map_err(|error| PipelineError::NoThreads { reason: error.to_string() })?;
     let (plans, skipped_pairs) = plan_pairs(sheet, options.max_pair_angle_deg);
     let features = detect_all(&pool, views, options, observer)?;
-    let (pairs, maps) = process_all(&pool, &plans, views, &features, options, observer)?;
+    let (pairs, maps) = process_all(&pool, &plans, sheet, &features, options, observer)?;
     if maps.iter().all(Option::is_none) {
         return Err(no_usable_pair(&pairs, &skipped_pairs));
     }
@@ -242,14 +252,14 @@ type PairsAndMaps = (Vec<PairResult>, Vec<Option<PairMaps>>);
 fn process_all(
     pool: &ThreadPool,
     plans: &[PlannedPair],
-    views: &[View],
+    sheet: &Sheet,
     features: &[ViewFeatures],
     options: &Options,
     observer: &dyn Observer,
 ) -> Result<PairsAndMaps, Cancelled> {
     let tracker = Tracker::new(observer, Stage::Pairs, plans.len(), pair::STEPS);
     let processed =
-        in_order(pool, plans, |plan| process_pair(plan, views, features, options, &tracker))?;
+        in_order(pool, plans, |plan| process_pair(plan, sheet, features, options, &tracker))?;
     Ok(processed.into_iter().unzip())
 }
 
@@ -272,6 +282,13 @@ struct ViewMaps {
     as_right: Option<(FloatImage, f64)>,
 }
 
+/// All of a view's maps: of every pixel and of the corners.
+#[derive(Default)]
+struct AllMaps {
+    dense: ViewMaps,
+    corners: ViewMaps,
+}
+
 fn combine_all(
     pool: &ThreadPool,
     views: &[View],
@@ -281,23 +298,30 @@ fn combine_all(
     options: &Options,
     observer: &dyn Observer,
 ) -> Result<Vec<ViewResult>, Cancelled> {
-    let mut of_views: Vec<ViewMaps> = views.iter().map(|_| ViewMaps::default()).collect();
+    let mut of_views: Vec<AllMaps> = views.iter().map(|_| AllMaps::default()).collect();
     for (plan, maps) in plans.iter().zip(maps) {
         let Some(maps) = maps else { continue };
         let angle = plan.angle_deg.to_radians();
-        of_views[plan.left].as_left = Some((maps.left, angle));
-        of_views[plan.right].as_right = Some((maps.right, -angle));
+        of_views[plan.left].dense.as_left = Some((maps.left, angle));
+        of_views[plan.right].dense.as_right = Some((maps.right, -angle));
+        if let Some([left, right]) = maps.corners {
+            of_views[plan.left].corners.as_left = Some((left, angle));
+            of_views[plan.right].corners.as_right = Some((right, -angle));
+        }
     }
     let tracker = Tracker::new(observer, Stage::Combine, views.len(), 1);
     let indices: Vec<usize> = (0..views.len()).collect();
     in_order(pool, &indices, |&index| {
-        let (disparity, depth) = combine(&views[index], &of_views[index], options).unzip();
+        let (view, maps) = (&views[index], &of_views[index]);
+        let (disparity, depth) = combine(view, &maps.dense, options).unzip();
+        let corner_depth = combine(view, &maps.corners, options).map(|(_, depth)| depth);
         tracker.finish(views[index].azimuth.to_string(), 1)?;
         Ok(ViewResult {
             azimuth: views[index].azimuth,
             keypoints: features[index].as_ref().map_or(0, |found| found.keypoints.len()),
             disparity,
             depth,
+            corner_depth,
         })
     })
 }
@@ -341,7 +365,7 @@ fn cloud_extremes(
 ) -> Result<Vec<Vec<Point3<f64>>>, Cancelled> {
     let tracker = Tracker::new(observer, Stage::Cloud, views.len(), 1);
     in_order(pool, views, |view| {
-        let cloud = view.depth.as_ref().map(ViewCloud::new);
+        let cloud = view.cloud_depth().map(ViewCloud::new);
         let extremes = cloud.map_or_else(Vec::new, |cloud| vision::row_extremes(&cloud));
         tracker.finish(view.azimuth.to_string(), 1)?;
         Ok(extremes)

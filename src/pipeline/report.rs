@@ -1,10 +1,11 @@
 //! The reconstruction in numbers, as served. Coordinates are in the sheet frame
 //! (pixel centres at half integers).
 
-use nalgebra::{Matrix3, Vector2};
+use nalgebra::{Matrix3, Point2, Vector2};
 use serde::Serialize;
 
 use super::correspond::TryReport;
+use super::edit::EditReport;
 use super::merge::MergeLink;
 use super::pair::{PairFailure, PairResult};
 use super::pairs::{PairName, SkippedPair};
@@ -12,7 +13,9 @@ use super::reconstruct::Reconstruction;
 use crate::float_image::FloatImage;
 use crate::sheet::Azimuth;
 use crate::vision::{
-    EstimatorRun, PairDistortion, mean_distance, sampson_distance_px2, smallest_absolute_eigenvalue,
+    Correspondence, EpipolarGeometry, EstimatorRun, PairDistortion, mean_distance,
+    reprojection_error_px2, sampson_distance_px2, smallest_absolute_eigenvalue,
+    symmetric_epipolar_distance_px2,
 };
 
 /// The smallest and largest value of a map.
@@ -47,12 +50,35 @@ pub struct ViewMetrics {
     pub merged: bool,
 }
 
-/// A mean Sampson distance as a square and as its root.
+/// A mean of squared distances, and its root.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct MeanSampson {
+pub struct MeanSquare {
     pub px2: f64,
     /// Root of the mean, px.
     pub root_px: f64,
+}
+
+/// How far matches are from the epipolar geometry, each measure in the mean.
+#[derive(Clone, Copy)]
+struct EpipolarErrors {
+    sampson: Option<MeanSquare>,
+    symmetric_epipolar: Option<MeanSquare>,
+    reprojection: Option<MeanSquare>,
+}
+
+impl EpipolarErrors {
+    fn of(geometry: &EpipolarGeometry, matches: &[Correspondence]) -> Self {
+        let mean = |distance: fn(&Matrix3<f64>, Point2<f64>, Point2<f64>) -> f64| {
+            let points = matches.iter().map(|c| (c.left, c.right));
+            let px2 = mean_distance(&geometry.fundamental, points, distance)?;
+            px2.is_finite().then(|| MeanSquare { px2, root_px: px2.sqrt() })
+        };
+        Self {
+            sampson: mean(sampson_distance_px2),
+            symmetric_epipolar: mean(symmetric_epipolar_distance_px2),
+            reprojection: mean(reprojection_error_px2),
+        }
+    }
 }
 
 /// One pair in numbers: the five metrics of Arys 2020, §3.4, §3.5.
@@ -66,13 +92,26 @@ pub struct PairMetrics {
     pub keypoints_left: usize,
     pub keypoints_right: usize,
     pub matches: usize,
+    /// What was done to the automatic matches, if a person corrected them.
+    pub corrected_matches: Option<EditReport>,
     pub inliers: usize,
     /// Matches that the estimator rejected over all matches.
     pub outlier_ratio: Option<f64>,
     /// The estimator that ran.
     pub estimator: Option<EstimatorRun>,
-    pub mean_sampson_all: Option<MeanSampson>,
-    pub mean_sampson_inliers: Option<MeanSampson>,
+    pub mean_sampson_all: Option<MeanSquare>,
+    pub mean_sampson_inliers: Option<MeanSquare>,
+    /// Squared distances of both points to their epipolar lines, summed.
+    pub symmetric_epipolar_all: Option<MeanSquare>,
+    pub symmetric_epipolar_inliers: Option<MeanSquare>,
+    /// Squared distances of both points to the nearest pair that agrees
+    /// exactly, summed (Hartley & Sturm 1997).
+    pub reprojection_all: Option<MeanSquare>,
+    pub reprojection_inliers: Option<MeanSquare>,
+    /// Root mean square distance of right points from where the best homography
+    /// moves the left ones, px: near 0 when the inliers all lie in one plane,
+    /// which leaves the geometry open.
+    pub plane_spread_px: Option<f64>,
     /// Smallest absolute eigenvalue of F, scaled as OpenCV does.
     pub smallest_absolute_eigenvalue: Option<f64>,
     /// Orthogonality and aspect ratio of both rectifying homographies.
@@ -83,6 +122,8 @@ pub struct PairMetrics {
     pub rectified_from_left: Option<[[f64; 3]; 3]>,
     pub rectified_from_right: Option<[[f64; 3]; 3]>,
     pub tries: Vec<TryReport>,
+    /// The number of the try that went on.
+    pub chosen_try: u32,
 }
 
 /// Means over the usable pairs.
@@ -91,6 +132,8 @@ pub struct MeanMetrics {
     pub pairs: usize,
     pub mean_sampson_inliers_px2: Option<f64>,
     pub mean_sampson_all_px2: Option<f64>,
+    pub symmetric_epipolar_inliers_px2: Option<f64>,
+    pub reprojection_inliers_px2: Option<f64>,
     pub smallest_absolute_eigenvalue: Option<f64>,
     pub outlier_ratio: Option<f64>,
     pub orthogonality_deviation: Option<f64>,
@@ -157,18 +200,16 @@ fn coverage(map: Option<&FloatImage>) -> f64 {
     map.iter().filter(|value| value.is_finite()).count() as f64 / map.len() as f64
 }
 
-fn pair_metrics(pair: &PairResult, width_px: f64, height_px: f64) -> PairMetrics {
+/// Measures one pair of views of `width_px` by `height_px`.
+pub fn pair_metrics(pair: &PairResult, width_px: f64, height_px: f64) -> PairMetrics {
     let geometry = pair.geometry();
     let inliers = pair.inliers();
     let outlier_ratio = geometry
         .filter(|_| !pair.matches.is_empty())
         .map(|_| 1.0 - inliers.len() as f64 / pair.matches.len() as f64);
-    let sampson = |points: &[crate::vision::Correspondence]| {
-        let pairs = points.iter().map(|c| (c.left, c.right));
-        let px2 = mean_distance(&geometry?.fundamental, pairs, sampson_distance_px2)?;
-        Some(MeanSampson { px2, root_px: px2.sqrt() })
-    };
     let all: Vec<_> = pair.matches.iter().map(|found| found.points).collect();
+    let of_all = geometry.map(|g| EpipolarErrors::of(g, &all));
+    let of_inliers = geometry.map(|g| EpipolarErrors::of(g, &inliers));
     let rectification = pair.rectification();
     let homography = |h: &Matrix3<f64>| rows(&in_sheet_frame(h));
     PairMetrics {
@@ -180,11 +221,17 @@ fn pair_metrics(pair: &PairResult, width_px: f64, height_px: f64) -> PairMetrics
         keypoints_left: pair.keypoints_left,
         keypoints_right: pair.keypoints_right,
         matches: pair.matches.len(),
+        corrected_matches: pair.edit,
         inliers: inliers.len(),
         outlier_ratio,
         estimator: geometry.map(|g| g.estimator),
-        mean_sampson_all: sampson(&all),
-        mean_sampson_inliers: sampson(&inliers),
+        mean_sampson_all: of_all.and_then(|e| e.sampson),
+        mean_sampson_inliers: of_inliers.and_then(|e| e.sampson),
+        symmetric_epipolar_all: of_all.and_then(|e| e.symmetric_epipolar),
+        symmetric_epipolar_inliers: of_inliers.and_then(|e| e.symmetric_epipolar),
+        reprojection_all: of_all.and_then(|e| e.reprojection),
+        reprojection_inliers: of_inliers.and_then(|e| e.reprojection),
+        plane_spread_px: geometry.and_then(|g| g.plane_spread_px),
         smallest_absolute_eigenvalue: geometry
             .and_then(|g| smallest_absolute_eigenvalue(&g.fundamental)),
         distortion: rectification.and_then(|r| {
@@ -194,6 +241,7 @@ fn pair_metrics(pair: &PairResult, width_px: f64, height_px: f64) -> PairMetrics
         rectified_from_left: rectification.map(|r| homography(&r.rectified_from_left)),
         rectified_from_right: rectification.map(|r| homography(&r.rectified_from_right)),
         tries: pair.tries.clone(),
+        chosen_try: pair.chosen_try,
     }
 }
 
@@ -230,6 +278,8 @@ fn mean_metrics(pairs: &[PairMetrics]) -> MeanMetrics {
         pairs: usable.len(),
         mean_sampson_inliers_px2: mean(&|p| p.mean_sampson_inliers.map(|m| m.px2)),
         mean_sampson_all_px2: mean(&|p| p.mean_sampson_all.map(|m| m.px2)),
+        symmetric_epipolar_inliers_px2: mean(&|p| p.symmetric_epipolar_inliers.map(|m| m.px2)),
+        reprojection_inliers_px2: mean(&|p| p.reprojection_inliers.map(|m| m.px2)),
         smallest_absolute_eigenvalue: mean(&|p| p.smallest_absolute_eigenvalue),
         outlier_ratio: mean(&|p| p.outlier_ratio),
         orthogonality_deviation: mean(&|p| {
@@ -255,16 +305,7 @@ fn hull_report(reconstruction: &Reconstruction) -> HullReport {
 fn warnings(reconstruction: &Reconstruction) -> Vec<String> {
     let mut warnings = Vec::new();
     for pair in &reconstruction.pairs {
-        if let Some(failure) = pair.failure() {
-            warnings.push(format!("pair {} is not used: {failure}", pair.name));
-        }
-        let tried = pair.tries.len();
-        if tried > 1 && pair.tries.iter().all(|attempt| !attempt.passed) {
-            warnings.push(format!(
-                "pair {}: none of {tried} tries passed the mean Sampson threshold; the best is used",
-                pair.name
-            ));
-        }
+        pair_warnings(pair, &mut warnings);
     }
     let left_out: Vec<Azimuth> = reconstruction
         .views
@@ -286,10 +327,30 @@ fn warnings(reconstruction: &Reconstruction) -> Vec<String> {
     warnings
 }
 
+fn pair_warnings(pair: &PairResult, warnings: &mut Vec<String>) {
+    let name = pair.name;
+    if let Some(failure) = pair.failure() {
+        warnings.push(format!("pair {name} is not used: {failure}"));
+    } else if pair.geometry().is_some_and(EpipolarGeometry::is_coplanar) {
+        warnings.push(format!(
+            "pair {name}: all matches fit one plane, which leaves the epipolar geometry open"
+        ));
+    }
+    let tried = pair.tries.len();
+    if tried > 1 && pair.tries.iter().all(|attempt| !attempt.passed) {
+        warnings.push(format!(
+            "pair {name}: none of {tried} tries passed the mean Sampson threshold; the best is used"
+        ));
+    }
+    if let Some(EditReport::Changed { not_found: missing @ 1.., .. }) = pair.edit {
+        warnings.push(format!("pair {name}: {missing} matches to remove were not found"));
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::{Point2, Vector3};
+    use nalgebra::Vector3;
 
     #[test]
     fn matrices_move_to_the_sheet_frame() {

@@ -2,6 +2,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use super::matches::PairMatchesDocument;
+
 use crate::model_io::UpAxis;
 
 /// The sheet document: `sheet.json` on disk, the part `sheet` of an upload and
@@ -29,6 +31,9 @@ pub struct SheetDocument {
     /// Points that lie in a hole through the subject.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub holes: Vec<HoleDocument>,
+    /// Matches that a person corrected or made, by pair of neighbouring views.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub matches: Vec<PairMatchesDocument>,
     /// Options, nested by stage; see `/v1/options`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub options: Option<Value>,

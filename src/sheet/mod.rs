@@ -4,6 +4,7 @@ mod azimuth;
 mod check;
 mod document;
 mod image;
+mod matches;
 mod reconstruction;
 mod view;
 
@@ -14,5 +15,9 @@ pub use check::{
     check_sizes, check_truth_size,
 };
 pub use document::{HoleDocument, SheetDocument, TruthDocument, TruthKind, ViewDocument};
+pub use matches::{
+    MATCHES_FRAME, MatchDocument, MatchEdit, MatchesProblem, PairEdit, PairMatchesDocument,
+    SheetMatch, check_matches,
+};
 pub use reconstruction::{RECONSTRUCTION, ReconstructionPayload};
 pub use view::{Sheet, SheetError, View};

@@ -1,6 +1,7 @@
 use image::GrayImage;
 
-use super::Azimuth;
+use super::matches::{MatchEdit, MatchesProblem, PairEdit, PairMatchesDocument, check_matches};
+use super::{Azimuth, PictureSize};
 
 /// One decoded view.
 #[derive(Clone, Debug, PartialEq)]
@@ -18,6 +19,7 @@ pub struct View {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sheet {
     views: Vec<View>,
+    edits: Vec<PairEdit>,
 }
 
 /// Why views do not make a sheet.
@@ -57,7 +59,31 @@ impl Sheet {
                 });
             }
         }
-        Ok(Self { views })
+        Ok(Self { views, edits: Vec::new() })
+    }
+
+    /// Takes the matches that a document brings.
+    ///
+    /// # Errors
+    /// [`MatchesProblem`], see [`check_matches`].
+    pub fn with_matches(
+        self,
+        documents: &[PairMatchesDocument],
+        max_pair_angle_deg: f64,
+    ) -> Result<Self, MatchesProblem> {
+        let size = |view: &View| {
+            let (width, height) = view.image.dimensions();
+            (view.azimuth, PictureSize { width, height })
+        };
+        let sizes: Vec<_> = self.views.iter().map(size).collect();
+        let edits = check_matches(documents, &sizes, max_pair_angle_deg)?;
+        Ok(Self { edits, ..self })
+    }
+
+    /// What is done to the automatic matches of a pair of neighbours.
+    pub fn match_edit(&self, left: Azimuth, right: Azimuth) -> Option<&MatchEdit> {
+        let found = self.edits.iter().find(|edit| (edit.left, edit.right) == (left, right));
+        found.map(|edit| &edit.edit)
     }
 
     /// The views by rising azimuth.

@@ -5,7 +5,8 @@ use serde::{Deserialize, Serialize};
 
 use super::Correspondence;
 use super::cv::{self, OpenCvError};
-use crate::options::{EpipolarOptions, Estimator};
+use super::eight_point::{RansacOptions, ransac_eight_point};
+use crate::options::{CoplanarPairs, EpipolarOptions, Estimator};
 
 /// Fewer points leave an exact fit with nothing to check it by.
 const REQUIRED: usize = 8;
@@ -13,6 +14,11 @@ const REQUIRED: usize = 8;
 const RANSAC_REQUIRED: usize = 15;
 /// Points within this distance of one line are collinear, px (root mean square).
 const COLLINEAR_PX: f64 = 0.5;
+/// Matches that one homography explains within this are coplanar, px (root mean
+/// square): corners are found to whole pixels, which alone makes 0.6.
+const COPLANAR_PX: f64 = 0.75;
+/// OpenCV's homography of all points alike.
+const LEAST_SQUARES: i32 = 0;
 
 /// The estimator that ran, which is not always the one asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -22,6 +28,8 @@ pub enum EstimatorRun {
     Ransac,
     /// Least median of squares over 7-point samples.
     Lmeds,
+    /// RANSAC over 8-point samples.
+    EightPointRansac,
     /// Normalised 8-point over all points.
     EightPoint,
 }
@@ -35,9 +43,28 @@ pub struct EpipolarGeometry {
     /// One flag a correspondence.
     pub inliers: Vec<bool>,
     pub estimator: EstimatorRun,
+    /// How well one plane explains the agreeing correspondences: root mean
+    /// square distance of right points from where the best homography moves the
+    /// left ones, px.
+    pub plane_spread_px: Option<f64>,
 }
 
 impl EpipolarGeometry {
+    /// Whether all agreeing correspondences fit one plane, which leaves the
+    /// geometry open.
+    pub fn is_coplanar(&self) -> bool {
+        self.plane_spread_px.is_some_and(|spread_px| spread_px < COPLANAR_PX)
+    }
+
+    /// Those of the estimate's `correspondences` that agree with it.
+    pub fn agreeing(
+        &self,
+        correspondences: &[Correspondence],
+    ) -> impl Iterator<Item = Correspondence> {
+        let flagged = correspondences.iter().zip(&self.inliers);
+        flagged.filter(|(_, inlier)| **inlier).map(|(found, _)| *found)
+    }
+
     pub fn inlier_count(&self) -> usize {
         self.inliers.iter().filter(|&&inlier| inlier).count()
     }
@@ -51,6 +78,10 @@ pub enum EpipolarError {
     TooFewCorrespondences { found: usize, required: usize },
     #[error("all {found} matches lie on one line of a view, within {spread_px:.2} px")]
     Collinear { found: usize, spread_px: f64 },
+    #[error(
+        "all {found} agreeing matches fit one plane, within {spread_px:.2} px, which leaves the epipolar geometry open"
+    )]
+    Coplanar { found: usize, spread_px: f64 },
     #[error("no fundamental matrix fits the {found} matches")]
     NoEstimate { found: usize },
     #[error("only {inliers} of {found} matches agree; robust estimates need more than half")]
@@ -64,9 +95,10 @@ pub enum EpipolarError {
 /// * `correspondences`: n ≥ 8 pairs x ↔ x', left ↔ right, pixels.
 /// * `options.max_error_px`: inlier threshold, distance to the epipolar line,
 ///   pixels (RANSAC alone).
+/// * `seed`: of 8-point RANSAC's samples; OpenCV's come from a fixed seed.
 ///
 /// With fewer than 15 correspondences OpenCV runs LMedS when asked for RANSAC;
-/// [`EpipolarGeometry::estimator`] tells. Its samples come from a fixed seed.
+/// [`EpipolarGeometry::estimator`] tells.
 ///
 /// # Errors
 /// The degenerate cases by name, see [`EpipolarError`].
@@ -76,6 +108,7 @@ pub enum EpipolarError {
 pub fn estimate_fundamental(
     correspondences: &[Correspondence],
     options: &EpipolarOptions,
+    seed: u64,
 ) -> Result<EpipolarGeometry, EpipolarError> {
     let found = correspondences.len();
     if found < REQUIRED {
@@ -87,11 +120,20 @@ pub fn estimate_fundamental(
         return Err(EpipolarError::Collinear { found, spread_px });
     }
     let estimator = estimator_run(options.estimator, found);
-    let (fundamental, inliers) = find(correspondences, estimator, options)?;
-    let fundamental = fundamental
-        .filter(|f| f.iter().all(|value| value.is_finite()) && f.norm() > 0.0)
-        .ok_or(EpipolarError::NoEstimate { found })?;
-    let geometry = EpipolarGeometry { fundamental, inliers, estimator };
+    let (fundamental, inliers) = match estimator {
+        EstimatorRun::EightPointRansac => by_eight_points(correspondences, options, seed),
+        _ => by_opencv(correspondences, estimator, options)?,
+    };
+    let usable = fundamental.filter(|f| f.iter().all(|value| value.is_finite()) && f.norm() > 0.0);
+    let Some(fundamental) = usable else {
+        return Err(match homography_spread(correspondences)? {
+            Some(spread_px) if spread_px < COPLANAR_PX => {
+                EpipolarError::Coplanar { found, spread_px }
+            }
+            _ => EpipolarError::NoEstimate { found },
+        });
+    };
+    let geometry = EpipolarGeometry { fundamental, inliers, estimator, plane_spread_px: None };
     let inliers = geometry.inlier_count();
     if inliers * 2 <= found {
         return Err(EpipolarError::MostlyOutliers { inliers, found });
@@ -99,18 +141,46 @@ pub fn estimate_fundamental(
     if inliers < REQUIRED {
         return Err(EpipolarError::TooFewCorrespondences { found: inliers, required: REQUIRED });
     }
-    Ok(geometry)
+    let agreeing: Vec<_> = geometry.agreeing(correspondences).collect();
+    let plane_spread_px = homography_spread(&agreeing)?;
+    let geometry = EpipolarGeometry { plane_spread_px, ..geometry };
+    match plane_spread_px {
+        Some(spread_px) if geometry.is_coplanar() && options.coplanar == CoplanarPairs::Refuse => {
+            Err(EpipolarError::Coplanar { found: inliers, spread_px })
+        }
+        _ => Ok(geometry),
+    }
 }
 
 fn estimator_run(asked: Estimator, found: usize) -> EstimatorRun {
     match asked {
         Estimator::Ransac if found >= RANSAC_REQUIRED => EstimatorRun::Ransac,
         Estimator::Ransac | Estimator::Lmeds => EstimatorRun::Lmeds,
+        Estimator::EightPointRansac => EstimatorRun::EightPointRansac,
         Estimator::EightPoint => EstimatorRun::EightPoint,
     }
 }
 
-fn find(
+fn by_eight_points(
+    correspondences: &[Correspondence],
+    options: &EpipolarOptions,
+    seed: u64,
+) -> (Option<Matrix3<f64>>, Vec<bool>) {
+    let ransac = RansacOptions {
+        max_error_px: options.max_error_px,
+        confidence: options.confidence,
+        max_iterations: options.max_iterations,
+        seed,
+    };
+    let Some((f, inliers)) = ransac_eight_point(correspondences, &ransac) else {
+        return (None, vec![false; correspondences.len()]);
+    };
+    let last = f[(2, 2)];
+    let scaled = if last.abs() > f64::from(f32::EPSILON) { f / last } else { f };
+    (Some(scaled), inliers)
+}
+
+fn by_opencv(
     correspondences: &[Correspondence],
     estimator: EstimatorRun,
     options: &EpipolarOptions,
@@ -121,15 +191,16 @@ fn find(
     let method = match estimator {
         EstimatorRun::Ransac => FM_RANSAC,
         EstimatorRun::Lmeds => FM_LMEDS,
-        EstimatorRun::EightPoint => FM_8POINT,
+        EstimatorRun::EightPoint | EstimatorRun::EightPointRansac => FM_8POINT,
     };
     let mut mask = Mat::default();
-    let fundamental = calib3d::find_fundamental_mat_1(
+    let fundamental = calib3d::find_fundamental_mat(
         &left,
         &right,
         method,
         options.max_error_px,
         options.confidence,
+        options.max_iterations as i32,
         &mut mask,
     )?;
     let inliers = if mask.total() == correspondences.len() {
@@ -138,6 +209,21 @@ fn find(
         vec![false; correspondences.len()]
     };
     Ok((cv::matrix(&fundamental)?, inliers))
+}
+
+/// Root mean square distance of right points from where the best homography
+/// moves the left ones, px; `None` if there is no homography.
+fn homography_spread(correspondences: &[Correspondence]) -> Result<Option<f64>, OpenCvError> {
+    let left = cv::points(correspondences.iter().map(|c| c.left));
+    let right = cv::points(correspondences.iter().map(|c| c.right));
+    let homography =
+        calib3d::find_homography(&left, &right, &mut Mat::default(), LEAST_SQUARES, 0.0)?;
+    let Some(homography) = cv::matrix(&homography)? else { return Ok(None) };
+    let squares: f64 = correspondences
+        .iter()
+        .map(|c| (homography.transform_point(&c.left) - c.right).norm_squared())
+        .sum();
+    Ok(Some((squares / correspondences.len() as f64).sqrt()))
 }
 
 /// Root mean square distance of points from their best line, px.
@@ -157,6 +243,9 @@ mod tests {
     use nalgebra::Point3;
     use rand::{Rng, SeedableRng};
     use rand_chacha::ChaCha8Rng;
+
+    const ALL: [Estimator; 4] =
+        [Estimator::Ransac, Estimator::EightPointRansac, Estimator::Lmeds, Estimator::EightPoint];
 
     /// Points before two perspective cameras, as seen by both; the last
     /// `outliers` are matched with anything.
@@ -205,8 +294,8 @@ mod tests {
     #[test]
     fn exact_matches_are_explained_exactly_by_every_estimator() {
         let points = scene(60, 0, 0.0);
-        for estimator in [Estimator::Ransac, Estimator::Lmeds, Estimator::EightPoint] {
-            let geometry = estimate_fundamental(&points, &options(estimator)).unwrap();
+        for estimator in ALL {
+            let geometry = estimate_fundamental(&points, &options(estimator), 3).unwrap();
             assert_eq!(geometry.inlier_count(), 60, "{estimator:?}");
             // OpenCV rounds coordinates to single precision, 3e-5 px here.
             let error = sampson(&geometry, &points).sqrt();
@@ -227,8 +316,8 @@ mod tests {
             })
             .collect();
         let truth: Matrix3<f64> = Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0);
-        for estimator in [Estimator::Ransac, Estimator::Lmeds, Estimator::EightPoint] {
-            let geometry = estimate_fundamental(&points, &options(estimator)).unwrap();
+        for estimator in ALL {
+            let geometry = estimate_fundamental(&points, &options(estimator), 3).unwrap();
             let f: Matrix3<f64> = geometry.fundamental;
             let unit: Matrix3<f64> = f * (truth.norm() / f.norm());
             let off = (unit - truth).norm().min((unit + truth).norm());
@@ -240,8 +329,8 @@ mod tests {
     #[test]
     fn finds_the_inliers_among_thirty_percent_outliers() {
         let points = scene(200, 60, 0.3);
-        for estimator in [Estimator::Ransac, Estimator::Lmeds] {
-            let geometry = estimate_fundamental(&points, &options(estimator)).unwrap();
+        for estimator in [Estimator::Ransac, Estimator::EightPointRansac, Estimator::Lmeds] {
+            let geometry = estimate_fundamental(&points, &options(estimator), 3).unwrap();
             let kept = geometry.inliers[..140].iter().filter(|&&inlier| inlier).count();
             let wrong = geometry.inliers[140..].iter().filter(|&&inlier| inlier).count();
             assert!(kept > 133, "{estimator:?} kept {kept} of 140");
@@ -253,7 +342,7 @@ mod tests {
     fn says_that_few_points_were_left_to_lmeds() {
         let run = |count| {
             let points = scene(count, 0, 0.1);
-            estimate_fundamental(&points, &options(Estimator::Ransac)).unwrap().estimator
+            estimate_fundamental(&points, &options(Estimator::Ransac), 3).unwrap().estimator
         };
         assert_eq!(run(14), EstimatorRun::Lmeds);
         assert_eq!(run(15), EstimatorRun::Ransac);
@@ -262,7 +351,7 @@ mod tests {
     #[test]
     fn names_degenerate_matches() {
         let estimate = |points: &[Correspondence]| {
-            estimate_fundamental(points, &options(Estimator::Ransac)).unwrap_err()
+            estimate_fundamental(points, &options(Estimator::Ransac), 3).unwrap_err()
         };
         assert_eq!(
             estimate(&scene(7, 0, 0.0)),
@@ -277,5 +366,33 @@ mod tests {
         assert!(matches!(estimate(&same), EpipolarError::Collinear { found: 20, .. }));
         let noise = scene(100, 100, 0.0);
         assert!(matches!(estimate(&noise), EpipolarError::MostlyOutliers { found: 100, .. }));
+    }
+
+    /// A plane seen twice, found to whole pixels.
+    #[test]
+    fn names_coplanar_matches() {
+        let plane: Vec<_> = scene(40, 0, 0.0)
+            .iter()
+            .map(|c| {
+                let x = 0.9 * c.left.x + 0.1 * c.left.y + 12.0;
+                let y = 0.05 * c.left.x + 1.02 * c.left.y;
+                let whole = |p: Point2<f64>| Point2::new(p.x.round(), p.y.round());
+                Correspondence { left: whole(c.left), right: whole(Point2::new(x, y)) }
+            })
+            .collect();
+        for estimator in ALL {
+            let found = estimate_fundamental(&plane, &options(estimator), 3);
+            assert!(
+                matches!(
+                    found,
+                    Err(EpipolarError::Coplanar { .. } | EpipolarError::MostlyOutliers { .. })
+                ),
+                "{estimator:?}: {found:?}"
+            );
+        }
+        let used = EpipolarOptions { coplanar: CoplanarPairs::Use, ..options(Estimator::Ransac) };
+        assert!(estimate_fundamental(&plane, &used, 3).unwrap().is_coplanar());
+        let solid = estimate_fundamental(&scene(40, 0, 0.0), &used, 3).unwrap();
+        assert!(!solid.is_coplanar());
     }
 }

@@ -5,13 +5,18 @@ use opencv::core::{
     Vector,
 };
 use opencv::features2d::{
-    FastFeatureDetector, FastFeatureDetector_DetectorType, Feature2DTrait, GFTTDetector, ORB,
-    ORB_ScoreType, SIFT,
+    FastFeatureDetector, FastFeatureDetector_DetectorType, Feature2DTrait, GFTTDetector,
+    KeyPointsFilter, ORB, ORB_ScoreType, SIFT,
 };
 use serde::Serialize;
 
 use super::cv::{self, OpenCvError};
+use super::surf::{self, SurfKeypoint};
 use crate::options::{Descriptor, DetectionOptions, Detector, OrbOptions, SiftOptions};
+
+/// Detectors without a limit of their own keep the strongest of this many, as
+/// the options allow others at most.
+const MAX_KEYPOINTS: usize = 100_000;
 
 /// A distinctive place of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,6 +64,8 @@ pub struct Features {
 pub enum FeatureError {
     #[error("{detector:?} keypoints cannot take {descriptor:?} descriptors")]
     Incompatible { detector: Detector, descriptor: Descriptor },
+    #[error("{described} of {found} keypoints were described")]
+    NotAllDescribed { described: usize, found: usize },
     #[error(transparent)]
     OpenCv(#[from] OpenCvError),
 }
@@ -76,7 +83,8 @@ pub enum FeatureError {
 /// [`FeatureError::Incompatible`] for SIFT keypoints with ORB descriptors.
 ///
 /// # Source
-/// Arys 2020, §3.3, table 4.3; Shi & Tomasi 1994; Rublee et al. 2011; Lowe 2004.
+/// Arys 2020, §3.3, table 4.3; Shi & Tomasi 1994; Rublee et al. 2011; Lowe 2004;
+/// Bay et al. 2008.
 pub fn detect_and_describe(
     image: &GrayImage,
     options: &DetectionOptions,
@@ -87,7 +95,7 @@ pub fn detect_and_describe(
     }
     cv::single_threaded();
     let picture = cv::gray_mat(image)?;
-    let mut keypoints = detect(&picture, options)?;
+    let mut keypoints = detect(image, &picture, options)?;
     let mut rows = Mat::default();
     match descriptor {
         Descriptor::Orb => orb_describer(options)?.compute(&picture, &mut keypoints, &mut rows),
@@ -95,16 +103,23 @@ pub fn detect_and_describe(
             keypoints = safe_for_sift(&keypoints, image, options)?;
             sift(&options.sift)?.compute(&picture, &mut keypoints, &mut rows)
         }
+        Descriptor::Surf => return Ok(described_by_surf(image, &keypoints, options)),
     }
     .map_err(OpenCvError::from)?;
-    let descriptors = read_descriptors(&rows, descriptor)?;
-    Ok(Features {
+    let features = Features {
         keypoints: keypoints.iter().map(|point| keypoint(&point)).collect(),
-        descriptors,
-    })
+        descriptors: read_descriptors(&rows, descriptor)?,
+    };
+    let (described, found) = (features.descriptors.count(), features.keypoints.len());
+    if described == found {
+        Ok(features)
+    } else {
+        Err(FeatureError::NotAllDescribed { described, found })
+    }
 }
 
 fn detect(
+    image: &GrayImage,
     picture: &impl ToInputArray,
     options: &DetectionOptions,
 ) -> Result<Vector<KeyPoint>, OpenCvError> {
@@ -142,8 +157,63 @@ fn detect(
             .detect_def(picture, &mut found)?;
         }
         Detector::Sift => sift(&options.sift)?.detect_def(picture, &mut found)?,
+        Detector::Surf => found = surf_keypoints(image, options)?,
+    }
+    if found.len() > MAX_KEYPOINTS {
+        KeyPointsFilter::retain_best(&mut found, MAX_KEYPOINTS as i32)?;
     }
     Ok(found)
+}
+
+fn surf_keypoints(
+    image: &GrayImage,
+    options: &DetectionOptions,
+) -> Result<Vector<KeyPoint>, OpenCvError> {
+    let found = surf::detect(image, &options.surf);
+    let points = found.iter().take(MAX_KEYPOINTS).map(|point| {
+        Ok(KeyPoint::new_coords(
+            point.x,
+            point.y,
+            point.size,
+            point.angle_deg.unwrap_or(-1.0),
+            point.response,
+            // ORB describes on this level of its pyramid, as with OpenCV's SURF.
+            i32::from(point.octave),
+            i32::from(point.laplacian_sign),
+        )?)
+    });
+    points.collect()
+}
+
+/// As OpenCV's SURF does: other detectors' points get an orientation of their
+/// own, or none if it is to be left out.
+fn described_by_surf(
+    image: &GrayImage,
+    keypoints: &Vector<KeyPoint>,
+    options: &DetectionOptions,
+) -> Features {
+    let upright = options.surf.upright.then_some(0.0);
+    let points: Vec<_> = keypoints
+        .iter()
+        .map(|point| {
+            let own = (options.detector == Detector::Surf).then(|| point.angle());
+            let position = point.pt();
+            SurfKeypoint {
+                x: position.x,
+                y: position.y,
+                size: point.size(),
+                angle_deg: own.or(upright),
+                response: point.response(),
+                laplacian_sign: 1,
+                octave: 0,
+            }
+        })
+        .collect();
+    let values = surf::describe(image, &points).into_iter().flatten().collect();
+    Features {
+        keypoints: keypoints.iter().map(|point| keypoint(&point)).collect(),
+        descriptors: Descriptors::Float { length: surf::DESCRIPTOR_LENGTH, values },
+    }
 }
 
 /// Harris corners if `harris_k` is given, Shi-Tomasi corners otherwise.
@@ -203,8 +273,8 @@ fn sift(options: &SiftOptions) -> Result<Ptr<SIFT>, OpenCvError> {
 /// check, and writes out of bounds for some.
 ///
 /// It takes the angle -1, "none", for an angle, and ORB's pyramid levels for its
-/// own octaves. Without an angle they become upright; ORB's get the octave that
-/// SIFT would give a blob of their size.
+/// own octaves. Without an angle they become upright; those with a scale get the
+/// octave that SIFT would give a blob of their size.
 fn safe_for_sift(
     keypoints: &Vector<KeyPoint>,
     image: &GrayImage,
@@ -221,14 +291,14 @@ fn safe_for_sift(
     };
     let described = keypoints.iter().map(|point| {
         let position = point.pt();
-        let is_orb = options.detector == Detector::Orb;
+        let has_scale = matches!(options.detector, Detector::Orb | Detector::Surf);
         Ok(KeyPoint::new_coords(
             position.x,
             position.y,
             point.size(),
             point.angle().max(0.0),
             point.response(),
-            if is_orb { octave(point.size()) } else { 0 },
+            if has_scale { octave(point.size()) } else { 0 },
             point.class_id(),
         )?)
     });
@@ -251,10 +321,13 @@ pub fn detection_bytes(width_px: u32, height_px: u32, options: &DetectionOptions
         }
         // Doubled floats, Gaussians and their differences, all octaves.
         Detector::Sift => 16.0 * (2.0 * layers + 5.0) * 4.0 / 3.0,
+        // Sums and three layers of responses at a time.
+        Detector::Surf => 4.0 + 3.0 * 4.0,
     };
     let description = match options.descriptor {
         Descriptor::Orb => 3.0,
         Descriptor::Sift => 4.0 * (layers + 3.0) * 4.0 / 3.0,
+        Descriptor::Surf => 4.0,
     };
     (pixels * (detection + description)) as u64
 }
@@ -267,7 +340,7 @@ fn read_descriptors(rows: &Mat, descriptor: Descriptor) -> Result<Descriptors, O
             length,
             bytes: if empty { Vec::new() } else { rows.data_typed::<u8>()?.to_vec() },
         },
-        Descriptor::Sift => Descriptors::Float {
+        Descriptor::Sift | Descriptor::Surf => Descriptors::Float {
             length,
             values: if empty { Vec::new() } else { rows.data_typed::<f32>()?.to_vec() },
         },
@@ -288,6 +361,9 @@ fn keypoint(point: &KeyPoint) -> Keypoint {
 mod tests {
     use super::*;
     use image::Luma;
+
+    const CORNERS_AND_BLOBS: [Detector; 5] =
+        [Detector::Fast, Detector::Harris, Detector::ShiTomasi, Detector::Orb, Detector::Surf];
 
     /// White rectangles on black at known corners, a little soft: ties between
     /// neighbours silence FAST.
@@ -322,11 +398,19 @@ mod tests {
 
     #[test]
     fn every_keypoint_is_described_whatever_the_combination() {
-        use Detector::{Fast, Harris, Orb, ShiTomasi, Sift};
-        for detector in [Fast, Orb, Harris, ShiTomasi, Sift] {
-            for descriptor in [Descriptor::Orb, Descriptor::Sift] {
-                let options = with(detector, descriptor);
-                let found = detect_and_describe(&rectangles(), &options);
+        use Detector::{Fast, Harris, Orb, ShiTomasi, Sift, Surf};
+        // With a blob: rectangles alone have none of SURF's sizes.
+        let drawn = rectangles();
+        let picture = GrayImage::from_fn(200, 160, |x, y| {
+            let square = (f64::from(x) - 70.0).powi(2) + (f64::from(y) - 100.0).powi(2);
+            let bump = 200.0 * (-square / 50.0).exp();
+            Luma([drawn.get_pixel(x, y).0[0].max(bump as u8)])
+        });
+        for detector in [Fast, Orb, Harris, ShiTomasi, Sift, Surf] {
+            for descriptor in [Descriptor::Orb, Descriptor::Sift, Descriptor::Surf] {
+                let mut options = with(detector, descriptor);
+                options.surf.hessian_threshold = 100.0;
+                let found = detect_and_describe(&picture, &options);
                 if (detector, descriptor) == (Sift, Descriptor::Orb) {
                     assert_eq!(found, Err(FeatureError::Incompatible { detector, descriptor }));
                     continue;
@@ -350,7 +434,7 @@ mod tests {
     fn blank_pictures_have_no_keypoints() {
         for (width, height) in [(64, 200), (120, 100)] {
             let blank = GrayImage::from_pixel(width, height, Luma([255]));
-            for detector in [Detector::Fast, Detector::Harris, Detector::ShiTomasi, Detector::Orb] {
+            for detector in CORNERS_AND_BLOBS {
                 let features =
                     detect_and_describe(&blank, &with(detector, Descriptor::Orb)).unwrap();
                 assert_eq!((features.keypoints.len(), features.descriptors.count()), (0, 0));
@@ -362,7 +446,7 @@ mod tests {
     fn tiny_pictures_have_none_or_an_error() {
         for (width, height) in [(1, 1), (3, 200), (17, 17)] {
             let tiny = GrayImage::from_fn(width, height, |x, y| Luma([(x * 91 + y * 57) as u8]));
-            for detector in [Detector::Fast, Detector::Harris, Detector::ShiTomasi, Detector::Orb] {
+            for detector in CORNERS_AND_BLOBS {
                 match detect_and_describe(&tiny, &with(detector, Descriptor::Orb)) {
                     Ok(features) => assert_eq!(features.keypoints.len(), 0, "{detector:?}"),
                     Err(error) => assert!(matches!(error, FeatureError::OpenCv(_)), "{error}"),

@@ -8,8 +8,10 @@
 
 mod cloud;
 mod combine;
+mod corner_disparity;
 mod cv;
 mod disparity;
+mod eight_point;
 mod epipolar;
 mod epipolar_metrics;
 mod features;
@@ -23,6 +25,7 @@ pub mod surf;
 
 pub use cloud::{PartneredMap, ViewCloud, affine_depth, inverse_depth};
 pub use combine::mean_map;
+pub use corner_disparity::corner_disparity;
 pub use cv::OpenCvError;
 pub use disparity::{DisparityError, derectify, left_disparity, right_disparity, working_bytes};
 pub use epipolar::{EpipolarError, EpipolarGeometry, EstimatorRun, estimate_fundamental};

@@ -131,7 +131,7 @@ mod tests {
     fn matches_end_up_in_the_same_row() {
         let points = turntable_pair();
         let options = EpipolarOptions { estimator: Estimator::EightPoint, ..Default::default() };
-        let geometry = estimate_fundamental(&points, &options).unwrap();
+        let geometry = estimate_fundamental(&points, &options, 0).unwrap();
         let r = rectify(&points, &geometry.fundamental, 960, 540).unwrap();
         for c in &points {
             let left = r.rectified_from_left.transform_point(&c.left);

@@ -4,6 +4,7 @@ use bytes::Bytes;
 use serde_json::{Map, Value};
 
 use super::files::Files;
+use super::matches;
 use super::parts::{FilePart, Parts, unknown_part};
 use super::pictures::{Decoded, extension};
 use super::truths::{CheckedTruth, ModelFile, TruthFields, TruthPicture};
@@ -85,7 +86,8 @@ fn assemble_views(parts: &mut Parts, limits: &HttpLimits) -> Result<Assembled, P
             ..ViewDocument::default()
         })
         .collect();
-    let mut document = SheetDocument { views, ..SheetDocument::default() };
+    let matches = matches::parse(std::mem::take(&mut parts.matches))?;
+    let mut document = SheetDocument { views, matches, ..SheetDocument::default() };
     fields.describe(&mut document, model.as_ref());
     let placed = check(&document, options.method, limits, None)?;
     document.views.clear();
@@ -108,6 +110,8 @@ fn assemble_views(parts: &mut Parts, limits: &HttpLimits) -> Result<Assembled, P
 /// Truth that the document names and the upload does not bring is left out.
 fn assemble_sheet(mut parts: Parts, limits: &HttpLimits) -> Result<Assembled, Problem> {
     let mut document = parse_sheet(parts.sheet.take().unwrap_or_default())?;
+    let given = matches::parse(std::mem::take(&mut parts.matches))?;
+    matches::lay_over(&mut document.matches, given);
     let options = parse_options(&mut parts, document.options.take())?;
     let placed = check(&document, options.method, limits, Some("sheet"))?;
     document.views.clear();
@@ -244,6 +248,8 @@ impl Assembled {
         }
         inputs.extend(model.map(|model| model.store(&mut document)));
         check_sizes(&drawings, &requirements(options.method, limits))?;
+        let sizes: Vec<_> = drawings.iter().map(|(azimuth, _, size)| (*azimuth, *size)).collect();
+        matches::check(&document.matches, &sizes, &options)?;
         describe(&mut document, &drawings, &options)?;
         Ok((document, inputs))
     }

@@ -7,6 +7,7 @@
 mod assemble;
 mod files;
 mod intake;
+mod matches;
 mod parts;
 mod pictures;
 mod source;

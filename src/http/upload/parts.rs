@@ -41,6 +41,8 @@ pub struct Parts {
     /// Files that a sheet document places.
     pub files: Vec<FilePart>,
     pub sheet: Option<Value>,
+    /// Matches of pairs, in any form of upload.
+    pub matches: Vec<Value>,
     pub options: Option<Value>,
     /// Single options, as nested objects.
     pub fields: Vec<(String, Value)>,
@@ -58,6 +60,7 @@ enum Kind {
     /// A file of any kind that a sheet document places.
     File(String),
     Sheet,
+    Matches,
     Options,
     Source,
     Field,
@@ -124,6 +127,9 @@ impl Parts {
             Kind::Sheet => {
                 expect_new(self.sheet.is_none(), &name)?;
                 self.sheet = Some(read_json(field, &name, limits).await?);
+            }
+            Kind::Matches => {
+                self.matches.push(read_json(field, &name, limits).await?);
             }
             Kind::Options => {
                 expect_new(self.options.is_none(), &name)?;
@@ -256,6 +262,7 @@ fn kind(name: &str, file_name: Option<&str>) -> Result<Kind, Problem> {
         ("truth", Some(file)) if !file.is_empty() => Ok(Kind::File(file.to_owned())),
         ("truth", _) => Ok(Kind::TruthFields),
         ("truth_model", Some(file)) if !file.is_empty() => Ok(Kind::TruthModel(file.to_owned())),
+        ("matches", _) => Ok(Kind::Matches),
         ("options", _) => Ok(Kind::Options),
         ("source", _) => Ok(Kind::Source),
         ("image" | "mask", Some(file)) if !file.is_empty() => Ok(Kind::Picture(file.to_owned())),

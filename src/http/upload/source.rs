@@ -1,11 +1,12 @@
 use serde_json::Value;
 
 use super::assemble::{check, parse_options};
+use super::matches;
 use super::parts::Parts;
 use crate::http::Api;
 use crate::http::problem::{DIFFERING_SIZES, Problem, UNKNOWN_SOURCE};
 use crate::jobs::{JobId, StoreError};
-use crate::sheet::{ReconstructionPayload, SheetDocument};
+use crate::sheet::{Azimuth, PictureSize, ReconstructionPayload, SheetDocument};
 
 /// The document of a job that runs again on the views of `source`: its options
 /// with the given ones laid over them.
@@ -32,9 +33,21 @@ pub async fn rerun(
         let detail = "the views of the source differ in size, and the method takes views of one";
         return Err(Problem::new(DIFFERING_SIZES, detail).part("source"));
     }
+    matches::lay_over(&mut document.matches, matches::parse(std::mem::take(&mut parts.matches))?);
+    matches::check(&document.matches, &sizes(&document), &options)?;
     let options = serde_json::to_value(options).unwrap_or(Value::Null);
     document.options = Some(options);
     Ok((id, document))
+}
+
+/// The views of a stored document, by rising azimuth, with their one size.
+fn sizes(document: &SheetDocument) -> Vec<(Azimuth, PictureSize)> {
+    let size = PictureSize {
+        width: document.width.unwrap_or_default(),
+        height: document.height.unwrap_or_default(),
+    };
+    let azimuths = document.views.iter().map(|view| Azimuth::from_degrees(view.azimuth_deg));
+    azimuths.filter_map(Result::ok).map(|azimuth| (azimuth, size)).collect()
 }
 
 /// The stored files that a document names.

@@ -170,6 +170,7 @@ fn keypoint(
         angle_deg: None,
         response: middle.at(column, row),
         laplacian_sign: if trace > 0.0 { 1 } else { -1 },
+        octave: middle.step.trailing_zeros() as u8,
     })
 }
 

@@ -20,28 +20,10 @@ use rayon::prelude::*;
 
 use integral::IntegralImage;
 
+pub use crate::options::SurfOptions;
+
 /// Values of a descriptor: four sums over each of 4×4 fields.
 pub const DESCRIPTOR_LENGTH: usize = 64;
-
-/// What is detected (Arys 2020, table 4.3).
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SurfOptions {
-    /// The least determinant of the Hessian, of 8-bit grey levels and filters
-    /// normalised by their boxes' areas, as OpenCV counts.
-    pub hessian_threshold: f64,
-    /// Octaves: how often sampling step and filter size double, and one.
-    pub octaves: u32,
-    /// Scales an octave in which blobs are found.
-    pub octave_layers: u32,
-    /// Leave out the orientation: faster, for pictures that are not rotated.
-    pub upright: bool,
-}
-
-impl Default for SurfOptions {
-    fn default() -> Self {
-        Self { hessian_threshold: 1000.0, octaves: 2, octave_layers: 4, upright: false }
-    }
-}
 
 /// A blob, or another detector's point.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -60,6 +42,8 @@ pub struct SurfKeypoint {
     pub response: f32,
     /// 1 for a dark blob on light ground, -1 for a light one.
     pub laplacian_sign: i8,
+    /// The octave it was found in, from 0.
+    pub octave: u8,
 }
 
 /// Finds blobs, strongest first.
@@ -304,6 +288,7 @@ mod tests {
             angle_deg: None,
             response: 0.0,
             laplacian_sign: 1,
+            octave: 0,
         };
         let odd =
             [at(0.0, 0.0, 11.0), at(255.0, 255.0, 1.0), at(-50.0, 1e9, 7.0), at(70.0, 80.0, 1e6)];
