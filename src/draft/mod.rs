@@ -197,6 +197,4 @@ fn pool(threads: usize) -> Result<ThreadPool, DraftError> {
 #[cfg(test)]
 mod tests;
 #[cfg(test)]
-mod truth_tests;
-#[cfg(test)]
 mod turntable_tests;

@@ -21,6 +21,3 @@ mod table;
 pub use input::{StudySheet, TripleError, choose_triple};
 pub use protocol::Protocol;
 pub use run::{Study, StudyFile, units};
-
-#[cfg(test)]
-mod tests;
