@@ -5,12 +5,14 @@
 
 Needs Blender with Freestyle (Debian: apt-get install blender). Ours is the whole command, from
 reading the model to the last file written; Blender's is only the rendering of the views, without
-its start, its import and the halving of its pictures. Prints a table and Blender's figures.
+its start, its import and the halving of its pictures. Prints a table and Blender's figures. On a
+busy machine only the processor times mean something.
 """
 
 import argparse
 import json
 import os
+import resource
 import statistics
 import subprocess
 import tempfile
@@ -29,26 +31,34 @@ def main() -> None:
     parser.add_argument("--turnaround", type=Path, default=OURS)
     arguments = parser.parse_args()
     azimuths = [f"{360 * view / arguments.views:g}" for view in range(arguments.views)]
-    ours = [time_ours(arguments, azimuths) for _ in range(arguments.runs)]
+    load = os.getloadavg()[0]
+    runs = [time_ours(arguments, azimuths) for _ in range(arguments.runs)]
+    wall, cpu = (statistics.median(figures) for figures in zip(*runs))
     theirs = time_blender(arguments.model, azimuths)
-    median = statistics.median(ours)
+    their_wall, their_cpu = theirs["render_s"], theirs["render_cpu_s"]
     print(f"{len(azimuths)} views of {arguments.model.parent.name}/{arguments.model.name}, "
-          f"{os.cpu_count()} processors, load before {os.getloadavg()[0]:.1f}")
-    print("| | seconds |")
-    print("|---|---|")
-    print(f"| turnaround draw, everything | {median:.2f} (of {', '.join(f'{s:.2f}' for s in ours)}) |")
-    print(f"| Blender {theirs['blender']}, rendering alone | {theirs['render_s']:.2f} |")
-    print(f"| ratio | 1 to {theirs['render_s'] / median:.1f} |")
-    print(json.dumps(theirs))
+          f"{os.cpu_count()} processors, load before {load:.1f}\n")
+    print("| | elapsed, s | processor, s |")
+    print("|---|---|---|")
+    print(f"| turnaround draw, everything, median of {len(runs)} | {wall:.2f} | {cpu:.2f} |")
+    print(f"| Blender {theirs['blender']}, rendering alone | {their_wall:.2f} | {their_cpu:.2f} |")
+    print(f"| Blender's over ours | {their_wall / wall:.1f} | {their_cpu / cpu:.1f} |\n")
+    print(json.dumps({"ours": runs, "theirs": theirs}))
 
 
-def time_ours(arguments: argparse.Namespace, azimuths: list[str]) -> float:
+def time_ours(arguments: argparse.Namespace, azimuths: list[str]) -> tuple[float, float]:
+    """Elapsed and processor seconds."""
     with tempfile.TemporaryDirectory() as folder:
         command = [arguments.turnaround, "draw", arguments.model, "--azimuths", ",".join(azimuths),
                    "-o", folder]
-        begun = time.perf_counter()
+        begun, begun_cpu = time.perf_counter(), children_cpu()
         subprocess.run(command, check=True, capture_output=True)
-        return time.perf_counter() - begun
+        return time.perf_counter() - begun, children_cpu() - begun_cpu
+
+
+def children_cpu() -> float:
+    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return usage.ru_utime + usage.ru_stime
 
 
 def time_blender(model: Path, azimuths: list[str]) -> dict:

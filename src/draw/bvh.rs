@@ -58,6 +58,8 @@ struct Node {
 }
 
 const LEAF: usize = 4;
+/// Levels of a tree over as many triangles as an index can tell apart, each level half the last.
+const MAX_DEPTH: usize = 32;
 
 impl TriangleTree {
     /// * `centres`: one for each triangle.
@@ -133,17 +135,19 @@ impl Bvh<'_> {
     /// Calls `visit` with every triangle whose box meets `place` and begins nearer than `depth`,
     /// until it returns `false`.
     pub fn visit(&self, place: &ViewBox, depth: f64, mut visit: impl FnMut(u32) -> bool) {
-        let mut pending: Vec<u32> = Vec::with_capacity(64);
-        if !self.node_boxes.is_empty() {
-            pending.push(0);
-        }
-        while let Some(index) = pending.pop() {
+        // On the stack, for this runs for every line; inner nodes wait at one node a level.
+        let mut pending = [0_u32; MAX_DEPTH + 1];
+        let mut waiting = usize::from(!self.node_boxes.is_empty());
+        while waiting > 0 {
+            waiting -= 1;
+            let index = pending[waiting];
             if !self.node_boxes[index as usize].may_cover(place, depth) {
                 continue;
             }
             let node = &self.tree.nodes[index as usize];
             if node.count == 0 {
-                pending.extend([node.right, index + 1]);
+                pending[waiting..waiting + 2].copy_from_slice(&[node.right, index + 1]);
+                waiting += 2;
                 continue;
             }
             for &item in self.tree.leaf(node) {

@@ -1,4 +1,4 @@
-use image::{GrayImage, Luma};
+use image::GrayImage;
 use tiny_skia::{FillRule, LineCap, LineJoin, Mask, Path, PathBuilder, Transform};
 
 use super::Stroke;
@@ -68,16 +68,18 @@ fn outline(
 
 /// The mean over each pixel's samples.
 fn reduced(mask: &Mask, width: u32, height: u32, factor: u32) -> GrayImage {
-    let stride = (width * factor) as usize;
-    let factor = factor as usize;
-    GrayImage::from_fn(width, height, |x, y| {
-        let mut sum = 0;
-        for row in 0..factor {
-            let first = (y as usize * factor + row) * stride + x as usize * factor;
-            let samples = &mask.data()[first..first + factor];
-            sum += samples.iter().map(|&s| u32::from(s)).sum::<u32>();
+    let count = factor * factor;
+    let (stride, factor) = ((width * factor) as usize, factor as usize);
+    let mut levels = Vec::with_capacity((width * height) as usize);
+    let mut sums = vec![0_u32; width as usize];
+    for rows in mask.data().chunks_exact(stride * factor) {
+        sums.fill(0);
+        for row in rows.chunks_exact(stride) {
+            for (sum, samples) in sums.iter_mut().zip(row.chunks_exact(factor)) {
+                *sum += samples.iter().map(|&sample| u32::from(sample)).sum::<u32>();
+            }
         }
-        let count = (factor * factor) as u32;
-        Luma([((sum + count / 2) / count) as u8])
-    })
+        levels.extend(sums.iter().map(|sum| ((sum + count / 2) / count) as u8));
+    }
+    GrayImage::from_raw(width, height, levels).unwrap_or_default()
 }

@@ -47,6 +47,22 @@ impl SampleBuffer {
         Ok(())
     }
 
+    /// Finds the samples with a surface among those of one pixel.
+    ///
+    /// * `first`: the pixel's first sample.
+    /// * `factor`: samples of the pixel on each axis.
+    pub fn hits(&self, first: usize, factor: usize, hits: &mut Vec<usize>) {
+        hits.clear();
+        for row in 0..factor {
+            let first = first + row * self.width;
+            for (column, sample) in self.samples[first..first + factor].iter().enumerate() {
+                if sample.z.is_finite() {
+                    hits.push(first + column);
+                }
+            }
+        }
+    }
+
     /// Returns the number of samples and rows visited.
     fn draw_triangle(&mut self, face: u32, corners: [Point3<f64>; 3]) -> u64 {
         let [a, b, c] = corners;
@@ -69,9 +85,7 @@ impl SampleBuffer {
         let farthest = a.z.max(b.z).max(c.z);
         for row in rows {
             let y = row as f64 + 0.5;
-            let Some([left, right]) = span(&sides, y) else {
-                continue;
-            };
+            let [left, right] = span(&sides, y);
             let columns = samples_between(left, right, self.width);
             visited += columns.len() as u64;
             let z_row = a.z + slope_y * (y - a.y) + slope_x * (0.5 - a.x);
@@ -89,10 +103,18 @@ impl SampleBuffer {
 }
 
 /// The samples (at half integers) in [low, high] within `count`.
+///
+/// Rounds by casts: baseline x86-64 has no instruction for `ceil` and `floor`, and this runs for
+/// every row of every triangle.
 fn samples_between(low: f64, high: f64, count: usize) -> std::ops::Range<usize> {
-    // The casts saturate.
-    let first = (low - 0.5).ceil().max(0.0) as usize;
-    let end = ((high - 0.5).floor() + 1.0).clamp(0.0, count as f64) as usize;
+    // Within the range of the casts, and beyond the samples wherever it was beyond them.
+    let within = |x: f64| x.clamp(-2.0, count as f64 + 1.0);
+    let (low, high) = (within(low - 0.5), within(high - 0.5));
+    let (truncated_low, truncated_high) = (low as i64, high as i64);
+    let first = truncated_low + i64::from((truncated_low as f64) < low);
+    let end = truncated_high - i64::from((truncated_high as f64) > high) + 1;
+    let first = first.max(0) as usize;
+    let end = (end.max(0) as usize).min(count);
     first.min(end)..end
 }
 
@@ -110,20 +132,42 @@ impl Side {
         Self { top, bottom, x_per_row: (bottom.x - top.x) / (bottom.y - top.y) }
     }
 
-    /// The leftmost and rightmost x that a row has in common with the side.
-    fn crossings(&self, y: f64) -> Option<[f64; 2]> {
+    /// Widens a span by what the row at `y` has in common with the side.
+    fn widen(&self, span: &mut [f64; 2], y: f64) {
         if y < self.top.y || y > self.bottom.y {
-            return None;
+            return;
         }
-        if self.top.y == self.bottom.y {
-            return Some([self.top.x, self.bottom.x]);
-        }
-        Some([self.top.x + self.x_per_row * (y - self.top.y); 2])
+        let [first, last] = if self.top.y == self.bottom.y {
+            [self.top.x, self.bottom.x]
+        } else {
+            [self.top.x + self.x_per_row * (y - self.top.y); 2]
+        };
+        *span = [span[0].min(first), span[1].max(last)];
     }
 }
 
-/// Where a row crosses a triangle.
-fn span(sides: &[Side; 3], y: f64) -> Option<[f64; 2]> {
-    let crossings = sides.iter().filter_map(|side| side.crossings(y));
-    crossings.reduce(|[left, right], [first, last]| [left.min(first), right.max(last)])
+/// Where a row crosses a triangle; empty (from infinity to its negative) if it does not.
+fn span(sides: &[Side; 3], y: f64) -> [f64; 2] {
+    let mut span = [f64::INFINITY, f64::NEG_INFINITY];
+    sides.iter().for_each(|side| side.widen(&mut span, y));
+    span
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn samples_lie_at_half_integers() {
+        assert_eq!(samples_between(0.5, 2.5, 9), 0..3);
+        assert_eq!(samples_between(0.6, 2.4, 9), 1..2);
+        assert_eq!(samples_between(-0.5, 0.49, 9), 0..0);
+        assert_eq!(samples_between(-7.0, 70.0, 9), 0..9);
+        assert_eq!(samples_between(8.5, 8.5, 9), 8..9);
+        assert!(samples_between(9.1, 70.0, 9).is_empty());
+        assert!(samples_between(-70.0, -9.0, 9).is_empty());
+        assert_eq!(samples_between(-1e300, 1e300, 9), 0..9);
+        assert!(samples_between(f64::INFINITY, f64::NEG_INFINITY, 9).is_empty());
+        assert!(samples_between(1e300, 1e301, 9).is_empty());
+    }
 }

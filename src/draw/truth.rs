@@ -58,13 +58,8 @@ fn gather(
     let needed = (factor * factor).div_ceil(2);
     let mut hits: Vec<usize> = Vec::with_capacity(factor * factor);
     for (x, y, depth) in truth.depth.enumerate_pixels_mut() {
-        hits.clear();
-        for row in 0..factor {
-            let first = (y as usize * factor + row) * samples.width + x as usize * factor;
-            hits.extend(
-                (first..first + factor).filter(|&index| samples.samples[index].z.is_finite()),
-            );
-        }
+        let first = y as usize * factor * samples.width + x as usize * factor;
+        samples.hits(first, factor, &mut hits);
         if hits.len() < needed {
             continue;
         }
@@ -118,11 +113,11 @@ pub fn normalised_inverse_depth(depth: &FloatImage) -> GrayImage {
     let nearest = known().fold(f32::INFINITY, f32::min);
     let farthest = known().fold(f32::NEG_INFINITY, f32::max);
     let range = (farthest - nearest).max(f32::MIN_POSITIVE);
-    GrayImage::from_fn(depth.width(), depth.height(), |x, y| {
-        let d = depth.get_pixel(x, y).0[0];
+    let levels = depth.as_raw().iter().map(|&d| {
         let nearness = (farthest - d) / range;
-        Luma([if d.is_finite() { (1.0 + 254.0 * nearness).round() as u8 } else { 0 }])
-    })
+        if d.is_finite() { (1.0 + 254.0 * nearness).round() as u8 } else { 0 }
+    });
+    GrayImage::from_raw(depth.width(), depth.height(), levels.collect()).unwrap_or_default()
 }
 
 /// The disparity of a view towards another one, pixels: how far to the left each point moves.
@@ -138,12 +133,17 @@ pub fn disparity_towards(
 ) -> FloatImage {
     let (sin_t, cos_t) = angle_deg.to_radians().sin_cos();
     let (sin_e, cos_e) = options.elevation_deg.to_radians().sin_cos();
-    FloatImage::from_fn(depth.width(), depth.height(), |column, row| {
+    let mut disparity = depth.clone();
+    for (column, row, value) in disparity.enumerate_pixels_mut() {
+        if !value.0[0].is_finite() {
+            continue;
+        }
         let x = f64::from(column) + 0.5 - f64::from(options.width_px) / 2.0;
         let y = f64::from(row) + 0.5 - f64::from(options.height_px) / 2.0;
-        let along = f64::from(depth.get_pixel(column, row).0[0]) - camera.distance_units;
+        let along = f64::from(value.0[0]) - camera.distance_units;
         // y = -(Z cos e + d sin e) and along = d cos e - Z sin e, solved for d.
         let d = along * camera.pixels_per_unit * cos_e - y * sin_e;
-        Luma([(x * (1.0 - cos_t) - d * sin_t) as f32])
-    })
+        value.0[0] = (x * (1.0 - cos_t) - d * sin_t) as f32;
+    }
+    disparity
 }

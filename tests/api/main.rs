@@ -5,6 +5,7 @@ mod harness;
 mod matches;
 mod resources;
 mod service;
+mod sheet_problems;
 mod sheets;
 mod truth;
 mod upload_problems;

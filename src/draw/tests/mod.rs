@@ -1,5 +1,6 @@
 //! Drawings of shapes whose lines and depths are known.
 
+mod arbitrary;
 mod hidden_lines;
 mod lines;
 mod sheets;
