@@ -18,6 +18,7 @@ pub mod models;
 pub mod options;
 pub mod pipeline;
 pub mod sheet;
+pub mod study;
 pub mod turntable;
 pub mod vision;
 pub mod worker;

@@ -46,6 +46,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
             "turntable",
         ],
     ),
+    ("study", &["evaluation", "float_image", "options", "pipeline", "sheet", "vision"]),
     (
         "worker",
         &[
@@ -88,6 +89,7 @@ const PURE: &[&str] = &[
     "models",
     "draw",
     "evaluation",
+    "study",
     "turntable",
 ];
 

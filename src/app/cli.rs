@@ -5,6 +5,7 @@ use super::draw::{self, DrawArgs};
 use super::evaluate::{self, EvaluateArgs};
 use super::failure::Failure;
 use super::reconstruct::{self, ReconstructArgs};
+use super::study::{self, StudyArgs};
 use super::{serve, telemetry};
 
 /// Turns a model sheet into depth maps, metrics and a 3D draft
@@ -27,6 +28,8 @@ enum Command {
     Draw(DrawArgs),
     /// Measure the turntable method on sheets with ground truth
     Evaluate(EvaluateArgs),
+    /// Run the dissertation's study on a folder of sheets with truth
+    Study(StudyArgs),
     /// Print the OpenAPI description of the service
     Openapi,
 }
@@ -41,6 +44,7 @@ pub fn run() -> Result<(), Failure> {
         Command::Reconstruct(args) => reconstruct::run(&args),
         Command::Draw(args) => draw::run(&args),
         Command::Evaluate(args) => evaluate::run(&args),
+        Command::Study(args) => study::run(&args),
         Command::Openapi => {
             println!("{:#}", crate::http::openapi());
             Ok(())

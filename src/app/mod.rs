@@ -10,6 +10,7 @@ mod evaluate;
 mod failure;
 mod reconstruct;
 mod serve;
+mod study;
 mod telemetry;
 
 use std::process::ExitCode;

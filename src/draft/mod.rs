@@ -115,7 +115,8 @@ pub fn produce(
     let pool = pool(threads)?;
     let timed = Timed::new(observer);
     let sheet = decode_sheet(document, &options, read, limits, &pool, &timed.decoding())?;
-    let truths = Truths::read(document, &sheet, read, limits, &pool, &timed.decoding())?;
+    let inputs = (read, limits, &options.evaluation);
+    let truths = Truths::read(document, &sheet, inputs, &pool, &timed.decoding())?;
     let (truths, timed) = (truths.as_ref(), &timed);
     let run = Run { sheet: &sheet, options: &options, truths, pool: &pool, threads, timed };
     thread::scope(|scope| {
@@ -220,7 +221,5 @@ fn pool(threads: usize) -> Result<ThreadPool, DraftError> {
 
 #[cfg(test)]
 mod tests;
-#[cfg(test)]
-mod truth_tests;
 #[cfg(test)]
 mod turntable_tests;

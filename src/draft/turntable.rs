@@ -55,7 +55,11 @@ pub(super) fn compute(
     let depth_maps: Vec<DepthMap> = depths
         .iter()
         .filter(|view| view.fallback.is_none())
-        .map(|view| DepthMap { azimuth: view.azimuth, depth: view.depth_px.clone() })
+        .map(|view| DepthMap {
+            azimuth: view.azimuth,
+            depth: view.depth_px.clone(),
+            confidence: Some(view.confidence.clone()),
+        })
         .collect();
     let input = SolidInput {
         views: &views,

@@ -5,12 +5,14 @@
 //! line accepts. Defaults are those of Arys 2020, tables 4.3 and 4.5.
 
 mod disparity;
+mod evaluation;
 mod features;
 mod geometry;
 mod parse;
 mod turntable;
 
 pub use disparity::{DisparityAlgorithm, DisparityOptions, PreFilter, SgbmMode};
+pub use evaluation::EvaluationOptions;
 pub use features::{
     Descriptor, DetectionOptions, Detector, FastOptions, FlannOptions, HarrisOptions, Matcher,
     MatchingOptions, OrbOptions, ShiTomasiOptions, SiftOptions, SurfOptions,
@@ -62,6 +64,7 @@ pub struct Options {
     pub merge: MergeOptions,
     pub turntable: TurntableOptions,
     pub export: ExportOptions,
+    pub evaluation: EvaluationOptions,
 }
 
 impl Default for Options {
@@ -78,6 +81,7 @@ impl Default for Options {
             merge: MergeOptions::default(),
             turntable: TurntableOptions::default(),
             export: ExportOptions::default(),
+            evaluation: EvaluationOptions::default(),
         }
     }
 }

@@ -95,11 +95,12 @@ pub enum Switch {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Holes {
-    /// Those that the opposite view shows too, that are ringed thinly and that
-    /// no other view contradicts.
+    /// Those that the opposite view shows too, or where it is not drawn a view
+    /// from the side that sees through them; that are ringed thinly and that no
+    /// other view contradicts.
     #[default]
     Auto,
-    /// Also those that no opposite view can confirm.
+    /// Also those that no view can confirm.
     Eager,
     /// Only those of masks and alpha channels.
     Off,
@@ -122,6 +123,8 @@ pub struct SolidOptions {
     pub holes: Holes,
     /// Whether parts are dropped that no outline needs and no line shows.
     pub drop_ghosts: bool,
+    /// Whether parts that stand before others are cut to the lines around them.
+    pub parts: bool,
     /// Whether depth maps carve the solid.
     pub fusion: bool,
     /// Cells along the solid's longest side, at least a pixel each.
@@ -147,6 +150,7 @@ impl Default for SolidOptions {
             symmetry: Switch::default(),
             holes: Holes::default(),
             drop_ghosts: true,
+            parts: true,
             fusion: true,
             resolution: 192,
             target_faces: 10_000,

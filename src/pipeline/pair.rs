@@ -92,7 +92,10 @@ impl PairResult {
     }
 }
 
-fn agreeing(matches: &[MatchedPoints], geometry: &EpipolarGeometry) -> Vec<Correspondence> {
+pub(super) fn agreeing(
+    matches: &[MatchedPoints],
+    geometry: &EpipolarGeometry,
+) -> Vec<Correspondence> {
     let points: Vec<_> = matches.iter().map(|found| found.points).collect();
     geometry.agreeing(&points).collect()
 }

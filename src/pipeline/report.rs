@@ -200,7 +200,8 @@ fn coverage(map: Option<&FloatImage>) -> f64 {
     map.iter().filter(|value| value.is_finite()).count() as f64 / map.len() as f64
 }
 
-fn pair_metrics(pair: &PairResult, width_px: f64, height_px: f64) -> PairMetrics {
+/// Measures one pair of views of `width_px` by `height_px`.
+pub fn pair_metrics(pair: &PairResult, width_px: f64, height_px: f64) -> PairMetrics {
     let geometry = pair.geometry();
     let inliers = pair.inliers();
     let outlier_ratio = geometry

@@ -97,8 +97,8 @@ pub fn register(views: &ViewSet, silhouettes: &Silhouettes) -> Vec<ViewRegistrat
         .map(|(profile, found)| profile.corrected(found, origin))
         .collect();
     shift_sideways(&mut level, &mut found);
-    for index in 0..found.len() {
-        found[index].consistency = consistency(&level, index);
+    for (index, found) in found.iter_mut().enumerate() {
+        found.consistency = consistency(&level, index);
     }
     found
 }

@@ -106,8 +106,8 @@ fn crossing(
 ) -> Crossing {
     let (low, high) = (run.start.saturating_sub(1), (run.end + 1).min(row.len()));
     let (mut moment, mut total) = (0.0, 0.0);
-    for column in low..high {
-        let share = f64::from(row[column]);
+    for (column, share) in (low..high).zip(&row[low..high]) {
+        let share = f64::from(*share);
         moment += share * (column as f64 + 0.5);
         total += share;
     }

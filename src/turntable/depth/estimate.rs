@@ -143,8 +143,8 @@ pub fn estimate_some(
             };
             let fallback = fallback(&line_views, index, &lines[index], has_neighbours);
             let (depth, confidence) = match fallback {
-                None => surface.from_lines(&cloud, line_views[index].azimuth_rad),
-                Some(_) => surface.from_hull(),
+                None => surface.of_lines(&cloud, line_views[index].azimuth_rad),
+                Some(_) => surface.of_hull(),
             };
             surface.view_depth(views.views()[index].azimuth, depth, confidence, fallback)
         })
@@ -295,7 +295,7 @@ struct Surface<'a> {
 type Nodes = (Vec<f32>, Vec<Confidence>);
 
 impl Surface<'_> {
-    fn from_lines(&self, cloud: &PointCloud, azimuth_rad: f64) -> Nodes {
+    fn of_lines(&self, cloud: &PointCloud, azimuth_rad: f64) -> Nodes {
         let contours = &self.drawing.contours;
         let graph = PixelGraph::new(self.silhouette.mask(), contours);
         let owners = owners(&graph, contours, self.lines, self.subject.unit_px);
@@ -304,7 +304,7 @@ impl Surface<'_> {
     }
 
     /// The outline in the middle of the hull's depth, the rest bulging from it.
-    fn from_hull(&self) -> Nodes {
+    fn of_hull(&self) -> Nodes {
         let contours = &self.drawing.contours;
         let graph = PixelGraph::new(self.silhouette.mask(), contours);
         let owners = outline_owners(contours);

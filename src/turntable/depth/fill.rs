@@ -204,10 +204,11 @@ fn inflation(
 ) -> Vec<f32> {
     let mut fixed = vec![false; graph.nodes()];
     for (index, crossing) in contours.crossings.iter().enumerate() {
-        if owners[index].is_some() && bounds_bulge(crossing) {
-            if let Some(node) = graph.node_at(crossing) {
-                fixed[node] = true;
-            }
+        if owners[index].is_some()
+            && bounds_bulge(crossing)
+            && let Some(node) = graph.node_at(crossing)
+        {
+            fixed[node] = true;
         }
         fix_stroke_outside(graph, crossing, &mut fixed);
     }

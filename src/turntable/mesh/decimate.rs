@@ -21,13 +21,16 @@ pub fn triangles_of_quads(mesh: &QuadMesh) -> Mesh {
 
 /// Triangles that repairs may add, as a share of the budget.
 const REPAIR_SHARE: usize = 100;
+/// How often fewer triangles are tried if repairs add too many.
+const MAX_ATTEMPTS: usize = 5;
 
 /// Collapses edges by the quadric error: all that stay within `tolerance_px`,
 /// and more as long as there are more than `target_faces` triangles.
 ///
 /// Creases survive because collapsing them costs most. A closed manifold stays
 /// one: where collapses made it touch itself, it is pulled apart. Should that
-/// fail, the mesh is returned as it is, above the budget.
+/// fail even for fewer triangles, the mesh is returned as it is, above the
+/// budget.
 ///
 /// # Source
 /// Garland & Heckbert 1997, Surface simplification using quadric error metrics.
@@ -41,27 +44,43 @@ pub fn decimated(mesh: &Mesh, target_faces: usize, tolerance_px: f64) -> Mesh {
         .iter()
         .flat_map(|position| (position - centre).cast::<f32>().data.0[0])
         .collect();
-    let mut indices: Vec<u32> = mesh.triangles.as_flattened().to_vec();
     let bytes: Vec<u8> = vertices.iter().flat_map(|value| value.to_ne_bytes()).collect();
     let Ok(adapter) = VertexDataAdapter::new(&bytes, 12, 0) else {
         return mesh.clone();
     };
-    let options = SimplifyOptions::ErrorAbsolute;
-    indices = meshopt::simplify(&indices, &adapter, 0, tolerance_px.max(0.0) as f32, options, None);
-    let target_faces = target_faces - target_faces / REPAIR_SHARE;
-    if indices.len() > target_faces * 3 {
-        indices = meshopt::simplify(&indices, &adapter, target_faces * 3, f32::MAX, options, None);
+    let simplified = |indices: &[u32], faces: usize, tolerance_px: f32| {
+        let options = SimplifyOptions::ErrorAbsolute;
+        meshopt::simplify(indices, &adapter, faces * 3, tolerance_px, options, None)
+    };
+    let merged = simplified(mesh.triangles.as_flattened(), 0, tolerance_px.max(0.0) as f32);
+    let mut budget = target_faces - target_faces / REPAIR_SHARE;
+    let mut closed = None;
+    for _ in 0..MAX_ATTEMPTS {
+        let within = merged.len() <= budget * 3;
+        let fewer = if within { None } else { Some(simplified(&merged, budget, f32::MAX)) };
+        let indices = fewer.as_ref().unwrap_or(&merged);
+        match closed_mesh(compacted(&mesh.positions, indices.as_chunks().0)) {
+            Some(mesh) if mesh.triangles.len() <= target_faces => return mesh,
+            Some(mesh) => {
+                let excess = 2 * (mesh.triangles.len() - target_faces);
+                budget = budget.saturating_sub(excess).max(target_faces / 2);
+                closed = Some(mesh);
+            }
+            None => budget -= budget / 10,
+        }
     }
-    let compact = compacted(&mesh.positions, indices.as_chunks().0);
-    if check_manifold(&compact).is_ok() {
-        return compact;
-    }
-    let repaired = compacted_mesh(&without_touching(&compact));
-    if check_manifold(&repaired).is_ok() { repaired } else { mesh.clone() }
+    closed.unwrap_or_else(|| mesh.clone())
 }
 
-fn compacted_mesh(mesh: &Mesh) -> Mesh {
-    compacted(&mesh.positions, &mesh.triangles)
+/// The mesh, pulled apart where it touches itself; `None` if it is not closed
+/// even so.
+fn closed_mesh(mesh: Mesh) -> Option<Mesh> {
+    if check_manifold(&mesh).is_ok() {
+        return Some(mesh);
+    }
+    let repaired = without_touching(&mesh);
+    let repaired = compacted(&repaired.positions, &repaired.triangles);
+    check_manifold(&repaired).is_ok().then_some(repaired)
 }
 
 /// The mesh of `triangles` without unused vertices, in order of first use.

@@ -51,6 +51,32 @@ impl InkEvidence<'_> {
         let column = (column >= 0.0 && column < self.width as f64).then_some(column as usize)?;
         self.near_ink.get(y * self.width + column).copied()
     }
+
+    /// The middles of the lines that cross row `y` between two columns, px from
+    /// the axis, ascending.
+    pub fn lines_between(&self, low_px: f64, high_px: f64, y: usize) -> Vec<f64> {
+        let at = |u: f64| self.mirror_sum_px.map_or(u, |sum| sum - u) + self.axis_px;
+        let (a, b) = (at(low_px), at(high_px));
+        let row = self.near_ink.get(y * self.width..(y + 1) * self.width).unwrap_or(&[]);
+        let first = a.min(b).ceil().max(0.0) as usize;
+        let last = (a.max(b).floor().max(0.0) as usize).min(row.len());
+        let mut lines = Vec::new();
+        let mut start = None;
+        for x in first..=last {
+            let inked = x < last && row[x];
+            match (inked, start) {
+                (true, None) => start = Some(x),
+                (false, Some(from)) => {
+                    let column = (from + x) as f64 / 2.0 - self.axis_px;
+                    lines.push(self.mirror_sum_px.map_or(column, |sum| sum - column));
+                    start = None;
+                }
+                _ => {}
+            }
+        }
+        lines.sort_by(f64::total_cmp);
+        lines
+    }
 }
 
 /// The sections of one slice and the image row that it was cut in.

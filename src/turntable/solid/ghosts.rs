@@ -5,12 +5,10 @@
 //! outline of its own; one that would stand there without any line, and that
 //! no silhouette needs, is dropped.
 
+use super::branches::{Branch, branches};
 use super::crease::{InkEvidence, Slice};
 use super::outline::{Outline, difference, length};
-use super::section::Section;
 
-/// Sections of neighbouring slices are one part if their extents overlap this much.
-const MIN_OVERLAP: f64 = 0.35;
 /// A part must be seen in so many slices to be judged.
 const MIN_JUDGED: usize = 4;
 /// The largest share of judged slices that may have ink on the part.
@@ -19,9 +17,6 @@ const MAX_INKED: f64 = 0.2;
 const MAX_UNCOVERED: f64 = 0.02;
 /// The share of a part's width that must be well inside the silhouette.
 const MIN_INNER: f64 = 0.6;
-
-/// A part by its sections: (slice, index).
-type Branch = Vec<(usize, usize)>;
 
 /// Drops ghosts from `slices`; returns how many parts were dropped.
 ///
@@ -55,55 +50,6 @@ pub fn drop_ghosts(
         });
     }
     count
-}
-
-/// Chains of sections that continue each other from slice to slice.
-fn branches(slices: &[Slice], directions: &[Outline]) -> Vec<Branch> {
-    let mut branches: Vec<Branch> = Vec::new();
-    let mut below: Vec<usize> = Vec::new();
-    for (k, slice) in slices.iter().enumerate() {
-        let previous = k.checked_sub(1).map_or(&[][..], |k| &slices[k].sections);
-        let best = |section: &Section, others: &[Section]| {
-            let overlaps = others.iter().map(|other| overlap(section, other, directions));
-            overlaps.enumerate().max_by(|a, b| a.1.total_cmp(&b.1))
-        };
-        let current: Vec<usize> = slice
-            .sections
-            .iter()
-            .enumerate()
-            .map(|(s, section)| {
-                let continued = best(section, previous).filter(|&(below, share)| {
-                    share > MIN_OVERLAP
-                        && best(&previous[below], &slice.sections).is_some_and(|(own, _)| own == s)
-                });
-                match continued {
-                    Some((index, _)) => below[index],
-                    None => {
-                        branches.push(Vec::new());
-                        branches.len() - 1
-                    }
-                }
-            })
-            .collect();
-        for (s, &branch) in current.iter().enumerate() {
-            branches[branch].push((k, s));
-        }
-        below = current;
-    }
-    branches
-}
-
-/// The smallest overlap of two sections' extents over all directions.
-fn overlap(a: &Section, b: &Section, directions: &[Outline]) -> f64 {
-    directions
-        .iter()
-        .map(|direction| {
-            let right = direction.right();
-            let (a, b) = (a.extent_along(&right), b.extent_along(&right));
-            let shared = a.1.min(b.1) - a.0.max(b.0);
-            shared / (a.1.max(b.1) - a.0.min(b.0)).max(1e-9)
-        })
-        .fold(1.0, f64::min)
 }
 
 /// Whether the part stands before others in some view without any line on it.

@@ -1,12 +1,15 @@
 //! The solid from few views: the visual hull slice by slice, rounded where no
 //! line says that it is sharp.
 
+mod branches;
+mod carving;
 mod crease;
 pub mod field;
 mod fusion;
 mod ghosts;
 mod holes;
 mod outline;
+mod parts;
 mod rounding;
 mod section;
 mod sheet;
@@ -17,7 +20,7 @@ mod voxel;
 
 use std::ops::ControlFlow;
 
-use image::{ImageBuffer, Luma};
+use image::{GrayImage, ImageBuffer, Luma};
 use nalgebra::{Point2, Point3};
 
 use super::mesh::confidence::{Support, Witness, vertex_support};
@@ -31,6 +34,7 @@ use super::views::ViewSet;
 use crate::geometry::Mesh;
 pub use crate::options::{Holes, SolidKind, SolidOptions, Switch};
 use crate::sheet::Azimuth;
+use carving::CarvingView;
 use crease::Slice;
 use field::{Field, Lattice, Plane};
 pub use holes::{Hole, HoleHint};
@@ -64,6 +68,8 @@ pub struct SolidReport {
     pub pitch_px: f64,
     /// Parts that no outline needs and no line shows.
     pub ghosts: usize,
+    /// Parts that were cut to the lines that bound them.
+    pub parts: usize,
     /// Corners of slices that are sharp, and all.
     pub sharp_corners: usize,
     pub corners: usize,
@@ -79,6 +85,9 @@ pub struct DepthMap {
     pub azimuth: Azimuth,
     /// px from the axis plane, growing away from the camera; NaN outside. The view's size.
     pub depth: ImageBuffer<Luma<f32>, Vec<f32>>,
+    /// [`Confidence`](super::depth::Confidence) per pixel; `None` if all of it
+    /// is as sure as drawn lines.
+    pub confidence: Option<GrayImage>,
 }
 
 /// Why there is no solid.
@@ -218,14 +227,19 @@ fn full_mesh(
     if options.drop_ghosts && options.kind == SolidKind::Creased {
         report.ghosts = ghosts::drop_ghosts(&mut slices, &directions, &sheet.ink_evidence());
     }
+    if options.parts && options.kind == SolidKind::Creased {
+        let evidence = sheet.ink_evidence();
+        report.parts = parts::cut_parts(&mut slices, &directions, &evidence, lattice.pitch_px);
+    }
     tell(progress, SolidStage::Creases)?;
     let outlines = outlines_of(sheet, &slices, &lattice, options, report);
     tell(progress, SolidStage::Field)?;
     let mut field = field_of(lattice, outlines);
     if options.fusion && options.kind == SolidKind::Creased && !input.depth_maps.is_empty() {
-        let views = fusion::CarvingView::of_sheet(sheet, input.depth_maps);
+        let views =
+            CarvingView::of_sheet(sheet, input.depth_maps, fusion::reach_px(&field.lattice));
         report.carving_views = views.len();
-        fuse(&mut field, &slices, &views);
+        fuse(&mut field, &slices, &directions, &views);
     }
     tell(progress, SolidStage::Surface)?;
     let occupancy = Occupancy::of_field(&field);
@@ -367,7 +381,7 @@ fn field_of(lattice: Lattice, outlines: Vec<SliceOutlines>) -> Field {
     Field { lattice, planes: planes.collect() }
 }
 
-fn fuse(field: &mut Field, slices: &[Slice], views: &[fusion::CarvingView]) {
+fn fuse(field: &mut Field, slices: &[Slice], directions: &[Outline], views: &[CarvingView]) {
     use rayon::prelude::*;
     let lattice = field.lattice;
     field.planes.par_iter_mut().zip(slices).for_each(|(plane, slice)| {
@@ -375,5 +389,6 @@ fn fuse(field: &mut Field, slices: &[Slice], views: &[fusion::CarvingView]) {
             slice.sections.iter().map(|section| section.corners.clone()).collect();
         let hull = Plane::of_polygons(&lattice, &polygons);
         fusion::carve(plane, &hull, &lattice, slice.row, views);
+        fusion::restore_silhouettes(plane, &hull, &lattice, directions);
     });
 }

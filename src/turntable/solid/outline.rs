@@ -143,6 +143,19 @@ pub fn difference(a: &[(f64, f64)], b: &[(f64, f64)]) -> Vec<(f64, f64)> {
     left
 }
 
+/// Overlapping intervals joined, ascending.
+pub fn union(mut intervals: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
+    intervals.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut joined: Vec<(f64, f64)> = Vec::new();
+    for (low, high) in intervals {
+        match joined.last_mut() {
+            Some(last) if low <= last.1 => last.1 = last.1.max(high),
+            _ => joined.push((low, high)),
+        }
+    }
+    joined
+}
+
 /// The summed length of intervals.
 pub fn length(intervals: &[(f64, f64)]) -> f64 {
     intervals.iter().map(|(low, high)| high - low).sum()

@@ -1,6 +1,7 @@
 //! Convex sections of the visual hull: one horizontal plane cut by one
 //! interval per direction.
 
+use std::borrow::Borrow;
 use std::f64::consts::{PI, TAU};
 
 use nalgebra::{Point2, Vector2};
@@ -135,6 +136,15 @@ impl Section {
         }
     }
 
+    /// The section cut to `range` of `direction`, px from the axis; `None` if
+    /// nothing is left.
+    pub fn narrowed(&self, outline: &Outline, direction: usize, range: (f64, f64)) -> Option<Self> {
+        let mut cut = self.cut(outline, direction as u16, 0)(range)?;
+        cut.intervals.pop();
+        let cut = cut.without_short_edges(1e-6);
+        (cut.area_px2() >= MIN_AREA_PX2).then_some(cut)
+    }
+
     /// Drops edges shorter than `min_px`: they come from bounds that only
     /// touch a corner.
     fn without_short_edges(mut self, min_px: f64) -> Self {
@@ -164,9 +174,14 @@ impl Section {
 /// * `half_px`: nothing is farther from the axis than this.
 ///
 /// Empty where a direction sees nothing.
-pub fn sections_of_row(outlines: &[Outline], row: &[&[(f64, f64)]], half_px: f64) -> Vec<Section> {
+pub fn sections_of_row<O: Borrow<Outline>>(
+    outlines: &[O],
+    row: &[&[(f64, f64)]],
+    half_px: f64,
+) -> Vec<Section> {
     let mut sections = vec![Section::frame(half_px)];
     for (direction, (outline, intervals)) in outlines.iter().zip(row).enumerate() {
+        let outline = outline.borrow();
         let mut next = Vec::with_capacity(sections.len());
         for section in &sections {
             let (low, high) = section.extent_along(&outline.right());

@@ -114,6 +114,54 @@ fn assert_near(found: f64, expected: f64, tolerance: f64) {
     assert!(share < tolerance, "{found} is {:.1} % off {expected}", share * 100.0);
 }
 
+/// The hidden-line drawing of parts that stand apart, without a mask.
+fn draw_lines(parts: &[Part], degrees: f64) -> View {
+    let azimuth = degrees.to_radians();
+    let depth = |part: &Part| match part {
+        Part::Prism(corners, _) => corners
+            .iter()
+            .map(|&(x, y)| y * azimuth.cos() - x * azimuth.sin())
+            .fold(f64::MAX, f64::min),
+        Part::Frustum((x, y), ..) => y * azimuth.cos() - x * azimuth.sin(),
+    };
+    let mut order: Vec<&Part> = parts.iter().collect();
+    order.sort_by(|a, b| depth(b).total_cmp(&depth(a)));
+    let mut image = GrayImage::from_pixel(WIDTH, HEIGHT, Luma([255]));
+    for part in order {
+        paint(&mut image, |u, z| {
+            part.interval(azimuth, z).is_some_and(|(low, high)| low <= u && u < high)
+        });
+    }
+    View { azimuth: Azimuth::from_degrees(degrees).unwrap(), image, mask: None }
+}
+
+/// Paints an area white with a line around it.
+fn paint(image: &mut GrayImage, inside: impl Fn(f64, f64) -> bool) {
+    for y in 0..HEIGHT {
+        for x in 0..WIDTH {
+            let (u, z) = (
+                f64::from(x) + 0.5 - f64::from(WIDTH) / 2.0,
+                f64::from(HEIGHT) / 2.0 - f64::from(y) - 0.5,
+            );
+            let around = [(-1.0, 0.0), (1.0, 0.0), (0.0, -1.0), (0.0, 1.0)];
+            if inside(u, z) {
+                let inner = around.iter().all(|(du, dz)| inside(u + du, z + dz));
+                image.put_pixel(x, y, Luma([if inner { 255 } else { 0 }]));
+            }
+        }
+    }
+}
+
+fn built_from(views: Vec<View>, options: &SolidOptions) -> Solid {
+    let views = ViewSet::new(views).unwrap();
+    let silhouettes = Silhouettes::of_views(&views, &SilhouetteOptions::default()).unwrap();
+    let input =
+        SolidInput { views: &views, silhouettes: &silhouettes, depth_maps: &[], hole_hints: &[] };
+    let solid = build(&input, options, &mut |_| ControlFlow::Continue(())).unwrap();
+    assert_eq!(check_manifold(&solid.mesh), Ok(()));
+    solid
+}
+
 const QUARTER_TURN: [f64; 3] = [0.0, 45.0, 90.0];
 
 #[test]
@@ -163,6 +211,100 @@ fn separate_prisms_stay_apart() {
     assert!((low.x + 60.0).abs() < 1.5 && (high.x - 60.0).abs() < 1.5, "{low} {high}");
 }
 
+/// A window frame 100 wide, 80 high and `depth` deep; the panes are 60 by 44.
+/// With `painted` they are drawn on the front of a block instead.
+fn window(depth: f64, painted: bool, degrees: f64) -> View {
+    let (sine, cosine) = degrees.to_radians().sin_cos();
+    let half = |width: f64, depth: f64| (width * cosine + depth * sine) / 2.0;
+    let mut image = GrayImage::from_pixel(WIDTH, HEIGHT, Luma([255]));
+    paint(&mut image, |u, z| u.abs() < half(100.0, depth) && z.abs() < 40.0);
+    if painted {
+        let shift = depth / 2.0 * sine;
+        paint(&mut image, |u, z| {
+            (u + shift).abs() < half(60.0, 0.0) && z.abs() < 22.0 && cosine > 0.1
+        });
+    } else {
+        paint(&mut image, |u, z| u.abs() < half(60.0, -depth) && z.abs() < 22.0);
+    }
+    View { azimuth: Azimuth::from_degrees(degrees).unwrap(), image, mask: None }
+}
+
+#[test]
+fn a_hole_that_two_views_see_through_is_carved() {
+    let views = [0.0, 30.0, 90.0].map(|degrees| window(12.0, false, degrees));
+    let solid = built_from(views.to_vec(), &SolidOptions { boxy: true, ..Default::default() });
+    assert!(!solid.report.holes.is_empty());
+    let expected = (100.0 * 80.0 - 60.0 * 44.0) * 12.0;
+    // Lines are drawn inside the edges: all bars are thinner.
+    assert_near(solid.mesh.signed_volume(), expected, 0.18);
+}
+
+#[test]
+fn a_painted_window_is_no_hole() {
+    let views = [0.0, 30.0, 90.0].map(|degrees| window(60.0, true, degrees));
+    let solid = built_from(views.to_vec(), &SolidOptions { boxy: true, ..Default::default() });
+    assert_eq!(solid.report.holes, []);
+    assert_near(solid.mesh.signed_volume(), 100.0 * 80.0 * 60.0, 0.05);
+}
+
+#[test]
+fn an_arm_before_a_body_is_as_deep_as_its_lines() {
+    let scene = [
+        box_at(-10.0, 0.0, (25.0, 35.0), 0.0, (-50.0, 50.0)),
+        box_at(40.0, 5.0, (8.0, 8.0), 0.0, (-40.0, 30.0)),
+    ];
+    let views = || vec![draw_lines(&scene, 0.0), draw_lines(&scene, 90.0)];
+    let extent = |parts| {
+        let options = SolidOptions { parts, boxy: true, ..SolidOptions::default() };
+        let solid = built_from(views(), &options);
+        let arm = solid.mesh.positions.iter().filter(|p| p.x > 25.0).map(|p| p.y);
+        (solid.report.parts, arm.fold((f64::MAX, f64::MIN), |(l, h), y| (l.min(y), h.max(y))))
+    };
+    let (count, (low, high)) = extent(true);
+    assert_eq!(count, 1);
+    assert!((low + 3.0).abs() < 2.5 && (high - 13.0).abs() < 2.5, "{low} {high}");
+    let (count, (low, high)) = extent(false);
+    assert_eq!(count, 0);
+    assert!(high - low > 65.0, "{low} {high}");
+}
+
+/// The depth of a prism's faces that face the camera, `shift_px` too far.
+fn depth_map(part: &Part, degrees: f64, shift_px: f64) -> DepthMap {
+    let Part::Prism(corners, (bottom, top)) = part else { panic!("a prism") };
+    let (sine, cosine) = degrees.to_radians().sin_cos();
+    let seen: Vec<(f64, f64)> =
+        corners.iter().map(|&(x, y)| (x * cosine + y * sine, y * cosine - x * sine)).collect();
+    let depth = ImageBuffer::from_fn(WIDTH, HEIGHT, |x, y| {
+        let (u, z) = (f64::from(x) + 0.5 - 100.0, 80.0 - f64::from(y) - 0.5);
+        let edges = (0..seen.len()).map(|i| (seen[i], seen[(i + 1) % seen.len()]));
+        let depths = edges
+            .filter(|(a, b)| (a.0 <= u) != (b.0 <= u))
+            .map(|(a, b)| a.1 + (b.1 - a.1) * (u - a.0) / (b.0 - a.0));
+        let nearest = depths.fold(f64::INFINITY, f64::min);
+        let inside = nearest.is_finite() && *bottom <= z && z < *top;
+        Luma([if inside { (nearest + shift_px) as f32 } else { f32::NAN }])
+    });
+    DepthMap { azimuth: Azimuth::from_degrees(degrees).unwrap(), depth, confidence: None }
+}
+
+#[test]
+fn a_depth_map_that_others_contradict_carves_little() {
+    let block = box_at(0.0, 0.0, (50.0, 40.0), 0.0, (-40.0, 40.0));
+    let views = [0.0, 20.0, 40.0, 60.0, 90.0];
+    let options = SolidOptions { boxy: true, ..SolidOptions::default() };
+    let volume = |shifted: f64| {
+        let shift = |degrees: f64| if degrees == 20.0 { shifted } else { 0.0 };
+        let maps: Vec<_> = views.iter().map(|&a| depth_map(&block, a, shift(a))).collect();
+        let parts = [box_at(0.0, 0.0, (50.0, 40.0), 0.0, (-40.0, 40.0))];
+        let solid = build_with(&parts, &views, &maps, &options).unwrap();
+        assert_eq!(check_manifold(&solid.mesh), Ok(()));
+        solid.mesh.signed_volume()
+    };
+    let agreeing = volume(0.0);
+    assert_near(agreeing, 100.0 * 80.0 * 80.0, 0.04);
+    assert_near(volume(25.0), agreeing, 0.04);
+}
+
 #[test]
 fn depth_maps_carve_what_outlines_cannot_show() {
     // A block with a slot in its front, deeper than the hull can know.
@@ -179,7 +321,7 @@ fn depth_maps_carve_what_outlines_cannot_show() {
             -40.0
         }])
     });
-    let map = DepthMap { azimuth: Azimuth::from_degrees(0.0).unwrap(), depth };
+    let map = DepthMap { azimuth: Azimuth::from_degrees(0.0).unwrap(), depth, confidence: None };
     let options = SolidOptions { boxy: true, ..SolidOptions::default() };
     let views = [0.0, 90.0];
     let whole = build_with(&block, &views, &[], &options).unwrap().mesh.signed_volume();

@@ -1,0 +1,122 @@
+//! Closed regions of paper in the drawings.
+
+use image::GrayImage;
+
+use super::super::sheet::SolidSheet;
+
+/// Smaller regions are eyes and buttons, share of the image's pixels.
+const MIN_AREA: f64 = 600.0 / (960.0 * 540.0);
+/// Regions closer to the outside are bounded by the outline itself, px.
+const MIN_RING_PX: f64 = 5.0;
+
+/// A connected region of paper inside an outline.
+pub struct Region {
+    pub view: usize,
+    /// (row, first column, one past the last).
+    pub runs: Vec<(usize, usize, usize)>,
+    pub area: usize,
+    /// The thinnest material around it over the root of its area.
+    pub ring: f64,
+}
+
+/// The region's columns in row `y`, px from the axis, grown by `margin_px`.
+pub fn columns_of(region: &Region, y: usize, margin_px: f64, axis_px: f64) -> Vec<(f64, f64)> {
+    let first = region.runs.partition_point(|run| run.0 < y);
+    let runs = region.runs[first..].iter().take_while(|run| run.0 == y);
+    runs.map(|&(_, from, to)| (from as f64 - axis_px - margin_px, to as f64 - axis_px + margin_px))
+        .collect()
+}
+
+/// Paper inside the outline, well away from it, by connected regions.
+pub fn regions_of(sheet: &SolidSheet, view: usize, mask: &GrayImage) -> Vec<Region> {
+    let (width, height) = (sheet.width, sheet.height);
+    let min_area = (MIN_AREA * (width * height) as f64) as usize;
+    let near_ink = sheet.near_ink(view);
+    let is_paper =
+        |x: usize, y: usize| mask.as_raw()[y * width + x] != 0 && !near_ink[y * width + x];
+    let mut label = vec![u32::MAX; width * height];
+    let mut groups: Vec<Vec<usize>> = Vec::new();
+    let mut pending = Vec::new();
+    for start in 0..width * height {
+        if label[start] != u32::MAX || !is_paper(start % width, start / width) {
+            continue;
+        }
+        let id = groups.len() as u32;
+        label[start] = id;
+        pending.push(start);
+        let mut members = Vec::new();
+        while let Some(pixel) = pending.pop() {
+            members.push(pixel);
+            let (x, y) = (pixel % width, pixel / width);
+            let sides = [
+                (x > 0).then(|| pixel - 1),
+                (x + 1 < width).then_some(pixel + 1),
+                pixel.checked_sub(width),
+                (y + 1 < height).then_some(pixel + width),
+            ];
+            for next in sides.into_iter().flatten() {
+                if label[next] == u32::MAX && is_paper(next % width, next / width) {
+                    label[next] = id;
+                    pending.push(next);
+                }
+            }
+        }
+        groups.push(members);
+    }
+    groups.retain(|members| members.len() >= min_area);
+    if groups.is_empty() {
+        return Vec::new();
+    }
+    let depth = chamfer_distance_px(mask);
+    groups.into_iter().filter_map(|members| region(view, members, &depth, width)).collect()
+}
+
+fn region(view: usize, mut members: Vec<usize>, depth: &[f32], width: usize) -> Option<Region> {
+    let ring_px = members.iter().map(|&pixel| depth[pixel]).fold(f32::INFINITY, f32::min);
+    if f64::from(ring_px) <= MIN_RING_PX {
+        return None;
+    }
+    members.sort_unstable();
+    let mut runs: Vec<(usize, usize, usize)> = Vec::new();
+    for &pixel in &members {
+        let (x, y) = (pixel % width, pixel / width);
+        match runs.last_mut() {
+            Some(run) if run.0 == y && run.2 == x => run.2 += 1,
+            _ => runs.push((y, x, x + 1)),
+        }
+    }
+    Some(Region {
+        view,
+        runs,
+        area: members.len(),
+        ring: f64::from(ring_px) / (members.len() as f64).sqrt(),
+    })
+}
+
+/// Distance to the nearest pixel outside `mask`, px, by two passes (Borgefors 1986).
+fn chamfer_distance_px(mask: &GrayImage) -> Vec<f32> {
+    let (width, height) = (mask.width() as usize, mask.height() as usize);
+    let far = (width + height) as f32;
+    let mut depth: Vec<f32> =
+        mask.as_raw().iter().map(|&level| if level == 0 { 0.0 } else { far }).collect();
+    let diagonal = std::f32::consts::SQRT_2;
+    let mut relax = |x: usize, y: usize, back: bool| {
+        let step: i64 = if back { 1 } else { -1 };
+        let near =
+            [(step, 0, 1.0), (0, step, 1.0), (step, step, diagonal), (-step, step, diagonal)];
+        for (dx, dy, cost) in near {
+            let (nx, ny) = (x as i64 + dx, y as i64 + dy);
+            let inside = nx >= 0 && ny >= 0 && nx < width as i64 && ny < height as i64;
+            let beside = if inside { depth[ny as usize * width + nx as usize] } else { 0.0 };
+            let here = &mut depth[y * width + x];
+            *here = here.min(beside + cost);
+        }
+    };
+    for y in 0..height {
+        (0..width).for_each(|x| relax(x, y, false));
+    }
+    for y in (0..height).rev() {
+        (0..width).rev().for_each(|x| relax(x, y, true));
+    }
+    depth
+}
