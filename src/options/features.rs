@@ -5,11 +5,16 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Detector {
+    /// Corners: a bright or dark arc about the pixel (Rosten & Drummond 2006).
     Fast,
+    /// FAST corners over a pyramid, with orientation (Rublee et al. 2011).
     Orb,
+    /// Corners by determinant and trace of the gradients' scatter (1988).
     Harris,
+    /// Corners by the smaller eigenvalue of the gradients' scatter (1994).
     #[default]
     ShiTomasi,
+    /// Blobs: extrema of differences of Gaussians (Lowe 2004).
     Sift,
     /// Blobs: maxima of the Hessian's determinant (Bay et al. 2008).
     Surf,

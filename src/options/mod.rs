@@ -52,6 +52,7 @@ pub struct Options {
     /// How the sheet becomes a 3D draft.
     pub method: Method,
     /// Seed of every random choice.
+    #[schemars(range(min = 0, max = 4_294_967_295_u32))]
     pub seed: u32,
     /// Neighbouring views farther apart than this, in degrees, are not paired.
     #[schemars(range(min = 0.1, max = 180.0))]
@@ -102,3 +103,6 @@ impl Method {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -134,7 +134,7 @@ impl OptionProblems {
 fn problems_of(error: &ValidationError<'_>, listed_at: &str) -> Vec<OptionProblem> {
     let at = error.instance_path().to_string().trim_start_matches('/').replace('/', ".");
     let ValidationErrorKind::AdditionalProperties { unexpected } = error.kind() else {
-        let detail = error.to_string();
+        let detail = outside_range(error).unwrap_or_else(|| error.to_string());
         return vec![OptionProblem { option: at, kind: OptionProblemKind::Invalid, detail }];
     };
     let place = if at.is_empty() { "the options".to_owned() } else { format!("`{at}`") };
@@ -144,6 +144,18 @@ fn problems_of(error: &ValidationError<'_>, listed_at: &str) -> Vec<OptionProble
         detail: format!("there is no such option in {place}; {listed_at} lists all"),
     };
     unexpected.iter().map(problem).collect()
+}
+
+/// Both ends of the range that a value lies outside of.
+fn outside_range(error: &ValidationError<'_>) -> Option<String> {
+    let is_range = matches!(
+        error.kind(),
+        ValidationErrorKind::Minimum { .. } | ValidationErrorKind::Maximum { .. }
+    );
+    let keyword = error.schema_path().to_string();
+    let of_value = schema().pointer(keyword.rsplit_once('/').filter(|_| is_range)?.0)?;
+    let (low, high) = (of_value.get("minimum")?, of_value.get("maximum")?);
+    Some(format!("{} is out of range; give {low} to {high}", error.instance()))
 }
 
 /// The nested object of a dotted option: `("a.b", 1)` is `{"a": {"b": 1}}`.
@@ -257,7 +269,7 @@ mod tests {
         let found = problems(json!({"epipolar": {"confidence": 1.5}}));
         assert_eq!(found[0].option, "epipolar.confidence");
         assert_eq!(found[0].kind, OptionProblemKind::Invalid);
-        assert!(found[0].detail.contains("0.999999"), "{found:?}");
+        assert_eq!(found[0].detail, "1.5 is out of range; give 0.5 to 0.999999");
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use image::{GrayImage, Luma};
 use imageproc::drawing::draw_line_segment_mut;
+use proptest::prelude::*;
 use serde_json::{Value, json};
 
 use super::*;
@@ -208,5 +209,47 @@ fn every_path_of_the_options_gives_reports() {
             }
             Err(error) => assert_eq!(error.code(), "no_usable_pair", "{over}"),
         }
+    }
+}
+
+/// All that goes into artifacts, bit by bit.
+fn everything(sheet: &Sheet, options: &Options, threads: usize) -> Vec<u8> {
+    let done = reconstruct(sheet, options, threads, &Silent).unwrap();
+    let metrics = measure(&done, WIDTH, HEIGHT);
+    let mut bytes = serde_json::to_vec(&metrics).unwrap();
+    for view in &done.views {
+        let maps = [&view.disparity, &view.depth].into_iter().flatten();
+        bytes.extend(maps.flat_map(|map| map.iter()).flat_map(|value| value.to_le_bytes()));
+    }
+    for pair in &done.pairs {
+        bytes.extend(serde_json::to_vec(&served(pair)).unwrap());
+    }
+    let corners = done.hull.unwrap().positions;
+    bytes.extend(corners.iter().flat_map(|p| [p.x, p.y, p.z]).flat_map(f64::to_le_bytes));
+    bytes
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(4))]
+
+    #[test]
+    fn neither_the_views_order_nor_threads_change_a_bit(
+        order in Just(vec![0_usize, 1, 2]).prop_shuffle(),
+        threads in 2_usize..5,
+        seed in 0_u32..1000,
+        matcher in prop_oneof!["brute_force", "flann"],
+        tries in 1_u32..3,
+    ) {
+        let options = options(json!({
+            "seed": seed,
+            "matching": {"matcher": matcher},
+            "epipolar": {"feedback": "five_metrics", "tries": tries,
+                "estimator": "eight_point_ransac"},
+            "disparity": {"block_sizes": [5, 9]},
+        }));
+        let views = sheet().views().to_vec();
+        let permuted = Sheet::new(order.iter().map(|&at| views[at].clone()).collect()).unwrap();
+        let first = everything(&sheet(), &options, 1);
+        prop_assert!(first == everything(&permuted, &options, threads));
     }
 }

@@ -203,6 +203,7 @@ fn in_pixels(steps: &Mat, options: &DisparityOptions) -> Result<FloatImage, Open
 mod tests {
     use super::*;
     use image::Luma;
+    use proptest::prelude::*;
 
     /// Repeatable texture without structure.
     fn texture(x: i64, y: i64) -> u8 {
@@ -351,5 +352,49 @@ mod tests {
             right_disparity(&left, &GrayImage::new(60, 59), &options()),
             Err(DisparityError::SizesDiffer { .. })
         ));
+    }
+
+    /// Mirrored drawings have mirrored disparities of the other sign.
+    fn mirrored_share(left: &GrayImage, right: &GrayImage, options: &DisparityOptions) -> f64 {
+        let mirror = |image: &GrayImage| image::imageops::flip_horizontal(image);
+        let least = -(options.min_disparity_px + options.num_disparities - 1);
+        let mirrored_options = DisparityOptions { min_disparity_px: least, ..options.clone() };
+        let map = left_disparity(left, right, options).unwrap();
+        let mirrored = left_disparity(&mirror(left), &mirror(right), &mirrored_options).unwrap();
+        let width = left.width();
+        let both = map.enumerate_pixels().filter_map(|(x, y, value)| {
+            let other = mirrored.get_pixel(width - 1 - x, y).0[0];
+            (!value.0[0].is_nan() && !other.is_nan()).then_some((value.0[0] + other).abs())
+        });
+        let (good, all) = both
+            .fold((0, 0), |(good, all), difference| (good + i32::from(difference <= 0.5), all + 1));
+        assert!(all > (left.width() * left.height() / 3) as i32, "{all} pixels to compare");
+        f64::from(good) / f64::from(all)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(16))]
+
+        #[test]
+        fn a_pair_and_its_mirror_have_mirrored_disparities(
+            disparity in -6_i64..7,
+            step in 3_i64..8,
+            mode in 0_usize..4,
+            block in 1_i32..5,
+        ) {
+            let (left, right) = pair(200, 120, disparity, disparity + step);
+            let modes =
+                [SgbmMode::FivePath, SgbmMode::EightPath, SgbmMode::ThreeWay, SgbmMode::Hh4];
+            let options = DisparityOptions {
+                mode: modes[mode],
+                block_size: 2 * block + 3,
+                min_disparity_px: -16,
+                // What is hidden in either view has no true disparity.
+                uniqueness_percent: 10,
+                ..options()
+            };
+            let share = mirrored_share(&left, &right, &options);
+            prop_assert!(share >= 0.99, "{share} with {options:?}");
+        }
     }
 }

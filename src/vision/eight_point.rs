@@ -49,7 +49,8 @@ pub(super) fn eight_point(correspondences: &[Correspondence]) -> Option<Matrix3<
     order.sort_by(|&a, &b| svd.singular_values[b].total_cmp(&svd.singular_values[a]));
     let [strongest, .., last_but_one, last] = order.as_slice() else { return None };
     let weakest = svd.singular_values[*last_but_one];
-    if weakest.is_nan() || weakest <= RANK_RATIO * svd.singular_values[*strongest] {
+    let is_determined = weakest > RANK_RATIO * svd.singular_values[*strongest];
+    if !is_determined {
         return None;
     }
     let solution = Matrix3::from_row_iterator(v_t.row(*last).iter().copied());
