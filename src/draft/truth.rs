@@ -180,8 +180,9 @@ mod tests {
 
     use super::super::tests::{Files, input_error, metrics, run, sheet};
     use super::*;
-    use crate::draw::{DrawOptions, PreparedModel, draw_sheet};
+    use crate::draw::{DrawError, DrawOptions, PreparedModel, SheetLimits, draw_sheet};
     use crate::evaluation::{ViewTruth, disparity_from_depth, disparity_from_pairs, evaluate_view};
+    use crate::export::Artifact;
     use crate::float_image::{FloatImage, decode_pfm, encode_pfm};
     use crate::models::ProceduralModel;
     use crate::pipeline::Silent;
@@ -220,9 +221,13 @@ mod tests {
             azimuths.iter().map(|&a| Azimuth::from_degrees(a).unwrap()).collect();
         let small = DrawOptions { width_px: 192, height_px: 108, ..DrawOptions::default() };
         let prepared = PreparedModel::new(&model).unwrap();
-        let drawn =
-            draw_sheet(&prepared, &azimuths, &small, &|_| ControlFlow::Continue(())).unwrap();
-        let files: Files = drawn.into_iter().map(|file| (file.name, file.bytes)).collect();
+        let mut files = Files::new();
+        let mut keep = |file: Artifact| -> Result<(), DrawError> {
+            files.insert(file.name, file.bytes);
+            Ok(())
+        };
+        let (limits, go_on) = (SheetLimits::default(), |_| ControlFlow::Continue(()));
+        draw_sheet(&prepared, &azimuths, &small, &limits, &go_on, &mut keep).unwrap();
         let mut document: SheetDocument = serde_json::from_slice(&files["sheet.json"]).unwrap();
         document.options = Some(options);
         (document, files)
