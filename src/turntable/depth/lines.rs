@@ -3,6 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
+use super::adoption::adopted;
 use super::contours::{Contours, Crossing};
 use super::filters::{running_median, weighted_gaussian};
 use super::triples::{Bounds, Match, Neighbour, TripleGeometry, match_triples};
@@ -53,7 +54,7 @@ pub fn angle_between(from_rad: f64, to_rad: f64) -> f64 {
 pub fn line_depths(views: &[LineView<'_>]) -> Vec<LineDepths> {
     let triples: Vec<_> = views.par_iter().map(|view| triple(views, view)).collect();
     let links = links(views, &triples);
-    (0..views.len())
+    let lines: Vec<LineDepths> = (0..views.len())
         .into_par_iter()
         .map(|index| {
             let local = triples[index].as_ref().map(|(geometry, matches)| {
@@ -61,7 +62,8 @@ pub fn line_depths(views: &[LineView<'_>]) -> Vec<LineDepths> {
             });
             combined(views, &links, index, local)
         })
-        .collect()
+        .collect();
+    (0..views.len()).into_par_iter().map(|index| adopted(views, &lines, index)).collect()
 }
 
 type Triple = (TripleGeometry, Vec<Option<Match>>);
@@ -279,7 +281,7 @@ fn combined(
     lines
 }
 
-fn along_chains(contours: &Contours, values: &[f64], sigma: f64, unit_px: f64) -> Vec<f64> {
+pub fn along_chains(contours: &Contours, values: &[f64], sigma: f64, unit_px: f64) -> Vec<f64> {
     let mut smooth = vec![f64::NAN; values.len()];
     for chain in contours.chains.iter().filter(|chain| chain.len() >= 3) {
         let raw: Vec<f64> = chain.iter().map(|&index| values[index as usize]).collect();

@@ -1,5 +1,7 @@
 //! Depth maps from the drawn lines of neighbouring views.
 
+mod adoption;
+mod blocks;
 mod contours;
 mod estimate;
 mod fill;
@@ -11,6 +13,7 @@ mod multigrid;
 mod normals;
 mod owners;
 mod points;
+mod release;
 mod triples;
 
 pub use estimate::{

@@ -171,6 +171,17 @@ fn a_ball_is_round_from_three_views() {
 }
 
 #[test]
+fn an_end_view_takes_the_nearer_of_two_edges_in_one_line() {
+    // Seen along its sides, the box has a near and a far edge in each line,
+    // and neighbours on one side only to tell.
+    let subject = Block { half: 60.0 };
+    let found = depths_of(&subject, &[70.0, 75.0, 80.0, 85.0, 90.0]);
+    let (_, error) = compared(&subject, &found[4]);
+    // The far edges, 120 px behind, would leave a multiple of it.
+    assert!(error < 12.0, "{error}");
+}
+
+#[test]
 fn the_outside_has_neither_depth_nor_confidence() {
     let found = depths_of(&Ball { radius: 60.0 }, &[0.0, 5.0, 10.0]);
     for (depth, level) in found[1].depth_px.pixels().zip(found[1].confidence.pixels()) {
