@@ -222,6 +222,8 @@ impl Document {
             root["textures"] = json!(self.textures);
             root["samplers"] =
                 json!([{"magFilter": 9729, "minFilter": 9987, "wrapS": 33071, "wrapT": 33071}]);
+        }
+        if self.materials.iter().any(|material| material.get("extensions").is_some()) {
             root["extensionsUsed"] = json!(["KHR_materials_unlit"]);
         }
         // Through the typed document, so that what is written is glTF.

@@ -95,7 +95,8 @@ pub fn solid_glb(
 
 /// The model with the drawings projected on it, unlit.
 ///
-/// * `labels`: per triangle, the view whose drawing colours it.
+/// * `labels`: per triangle, the view whose drawing colours it; the number of
+///   views for paper without lines.
 ///
 /// # Errors
 /// [`TurntableGlbError`] for a mesh without triangles and labels that are not its own.
@@ -125,6 +126,19 @@ pub fn textured_glb(
             false,
         );
         let indices = document.indices(&part.triangles);
+        primitives
+            .push(json!({"attributes": attributes, "indices": indices, "material": material}));
+    }
+    let unseen = part_of(&shaded, labels, sheet.rig.azimuths.len());
+    if !unseen.triangles.is_empty() {
+        let material = document.material(json!({
+            "name": "unseen",
+            "doubleSided": true,
+            "pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 1.0},
+            "extensions": {"KHR_materials_unlit": {}},
+        }));
+        let attributes = document.geometry(&unseen, &sheet.placement);
+        let indices = document.indices(&unseen.triangles);
         primitives
             .push(json!({"attributes": attributes, "indices": indices, "material": material}));
     }
@@ -200,7 +214,7 @@ mod tests {
             reference_planes: true,
         };
         let glb = if textured {
-            textured_glb(&mesh, &[0, 0, 1, 1], &sheet).unwrap()
+            textured_glb(&mesh, &[0, 0, 1, 2], &sheet).unwrap()
         } else {
             solid_glb(&mesh, &[Support::Seen; 4], &sheet).unwrap()
         };
@@ -230,6 +244,11 @@ mod tests {
             document.nodes().filter_map(|node| node.name().map(str::to_owned)).collect();
         assert_eq!(names, ["model", "ref_000", "ref_022.5"]);
         assert_eq!(document.images().count(), 2);
+        let model = document.meshes().next().unwrap();
+        let textured = |primitive: gltf::Primitive| {
+            primitive.material().pbr_metallic_roughness().base_color_texture().is_some()
+        };
+        assert_eq!(model.primitives().map(textured).collect::<Vec<_>>(), [true, true, false]);
         assert!(document.materials().all(|material| material.unlit()));
     }
 

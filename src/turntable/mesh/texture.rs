@@ -24,6 +24,8 @@ const VISIBILITY_SCALE: f64 = 2.0;
 const SEAM_ROUNDS: usize = 4;
 /// What leaving the best view costs, cosine.
 const SEAM_GAIN: f64 = 0.25;
+/// Faces steeper than this would smear lines over themselves, cosine.
+const MIN_FACING: f64 = 0.2;
 
 impl Rig {
     /// Column, row and depth of a point in view `view`, px, sheet frame.
@@ -50,11 +52,12 @@ impl Rig {
     }
 }
 
-/// Per triangle, the index of the view that sees it best.
+/// Per triangle, the index of the view that sees it best, or the number of
+/// views if none sees it.
 ///
-/// The view that it faces most among those that see it, else that it faces
-/// most. Faces then follow their neighbours where that costs little, so that
-/// seams are few. `mesh` is closed; the rig has at least one view.
+/// The view that it faces most among those that see it. Faces then follow their
+/// neighbours where that costs little, so that seams are few. `mesh` is closed;
+/// the rig has at least one view.
 pub fn best_views(mesh: &Mesh, rig: &Rig) -> Vec<usize> {
     let scores = scores(mesh, rig);
     let best = |scores: &[f64]| {
@@ -75,6 +78,11 @@ pub fn best_views(mesh: &Mesh, rig: &Rig) -> Vec<usize> {
                 })
                 .collect();
             labels[triangle] = best(&adjusted);
+        }
+    }
+    for (label, scores) in labels.iter_mut().zip(&scores) {
+        if scores.get(*label).is_none_or(|&score| score < MIN_FACING) {
+            *label = rig.azimuths.len();
         }
     }
     labels
@@ -215,6 +223,8 @@ mod tests {
         let labels = best_views(&mesh, &rig(&[0.0, 90.0, 180.0, 270.0]));
         // Front (-Y), left (+X), back (+Y), right (-X).
         assert_eq!(&labels[..8], [0, 0, 1, 1, 2, 2, 3, 3]);
+        // No level view sees the top and the bottom.
+        assert_eq!(&labels[8..], [4; 4]);
     }
 
     #[test]

@@ -101,6 +101,9 @@ fn chamfer_distance_px(mask: &GrayImage) -> Vec<f32> {
         mask.as_raw().iter().map(|&level| if level == 0 { 0.0 } else { far }).collect();
     let diagonal = std::f32::consts::SQRT_2;
     let mut relax = |x: usize, y: usize, back: bool| {
+        if depth[y * width + x] == 0.0 {
+            return;
+        }
         let step: i64 = if back { 1 } else { -1 };
         let near =
             [(step, 0, 1.0), (0, step, 1.0), (step, step, diagonal), (-step, step, diagonal)];
