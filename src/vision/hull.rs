@@ -203,6 +203,28 @@ mod tests {
         assert!((mesh.signed_volume() - clean.signed_volume()).abs() < 1e-9);
     }
 
+    /// Half a million points, each twice, with strays among them.
+    #[test]
+    fn a_huge_cloud_has_its_hull() {
+        let mut points: Vec<_> = (0..250_000_u32)
+            .flat_map(|i| {
+                let (sin, cos) = (f64::from(i) * 2.4).sin_cos();
+                let height = f64::from(i) / 125_000.0 - 1.0;
+                let radius = (1.0 - height * height).max(0.0).sqrt();
+                // Far inside but every thousandth, on the sphere.
+                let size = if i % 1000 == 0 { 100.0 } else { f64::from(i % 97) / 2.0 };
+                let point = Point3::new(size * radius * cos, size * radius * sin, size * height);
+                [point, point]
+            })
+            .collect();
+        points.extend([f64::NAN, f64::INFINITY, -1e200].map(|bad| Point3::new(bad, 1.0, bad)));
+        let mesh = convex_hull(&points).unwrap();
+        assert!(is_closed(&mesh));
+        let sphere = 4.0 / 3.0 * std::f64::consts::PI * 1e6;
+        let share = mesh.signed_volume() / sphere;
+        assert!((0.9..1.0).contains(&share), "{share}");
+    }
+
     #[test]
     fn names_clouds_without_volume() {
         let plane: Vec<_> = (0..100)

@@ -256,4 +256,24 @@ mod tests {
             Err(SimilarityError::NoConsensus { found: 30, .. })
         ));
     }
+
+    /// Everything that clouds hold at their worst: an answer or a name for why not.
+    #[test]
+    fn coplanar_duplicate_and_absurd_points_never_crash() {
+        let flat: Vec<_> = (0..40)
+            .map(|i| Point3::new(f64::from(i % 8) * 9.0, 5.0, f64::from(i / 8) * 11.0))
+            .collect();
+        let moved: Vec<_> = flat.iter().map(|p| p * 2.0 + Vector3::new(3.0, -4.0, 5.0)).collect();
+        let fit = robust_similarity(&flat, &moved, 0.5, 100, 1).unwrap();
+        assert!((fit.target_from_source.scaling() - 2.0).abs() < 1e-9);
+        let twice = [flat.clone(), flat.clone()].concat();
+        assert!(robust_similarity(&twice, &[moved.clone(), moved].concat(), 0.5, 100, 1).is_ok());
+        for bad in [f64::NAN, f64::INFINITY, 1e300, -1e160] {
+            let mut spoiled = flat.clone();
+            spoiled[7].y = bad;
+            if let Ok(fit) = robust_similarity(&spoiled, &flat, 0.5, 200, 1) {
+                assert!(fit.rms_error.is_finite() && !fit.inliers[7], "{bad}");
+            }
+        }
+    }
 }
