@@ -62,8 +62,8 @@ impl InkEvidence<'_> {
         let last = (a.max(b).floor().max(0.0) as usize).min(row.len());
         let mut lines = Vec::new();
         let mut start = None;
-        for x in first..=last {
-            let inked = x < last && row[x];
+        let between = row.iter().copied().enumerate().take(last).skip(first);
+        for (x, inked) in between.chain([(last, false)]) {
             match (inked, start) {
                 (true, None) => start = Some(x),
                 (false, Some(from)) => {
