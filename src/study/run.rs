@@ -119,7 +119,7 @@ impl Study {
     /// The report, its plots and its tables.
     ///
     /// # Errors
-    /// [`PlotError`] if a plot cannot be drawn.
+    /// `PlotError` if a plot cannot be drawn.
     pub fn files(&self) -> Result<Vec<StudyFile>, PlotError> {
         document::files(self)
     }
