@@ -23,7 +23,7 @@ pub use report::{
 };
 pub use silhouette::{HoleReport, SilhouetteError, SilhouetteReport, compare_silhouettes};
 pub use solid::{SolidError, SolidOptions, SolidReport, SolidTruth};
-pub use statistics::pearson_correlation;
+pub use statistics::{mean, pearson_correlation};
 pub use surface::SurfaceReport;
 pub use truth::{DepthScale, RawTruth, TruthEncoding, TruthError, decode_truth};
 pub use view::{

@@ -3,6 +3,7 @@ use serde::Serialize;
 
 use super::silhouette::SilhouetteReport;
 use super::solid::{SolidOptions, SolidReport, SolidTruth};
+use super::statistics::mean;
 use super::truth::TruthEncoding;
 use super::view::ViewReport;
 use crate::geometry::Mesh;
@@ -116,11 +117,6 @@ impl MeanFigures {
             depth_error_over_range: of(&|report| report.depth_error_over_range),
         }
     }
-}
-
-fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let values: Vec<f64> = values.collect();
-    (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }
 
 /// Compares a mesh with the true model, nothing aligned.

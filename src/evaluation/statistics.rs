@@ -34,6 +34,12 @@ pub(super) fn best_constant_bad_share(values: &mut [f64], tolerance: f64) -> f64
     share(values.len() - most, values.len())
 }
 
+/// The mean; `None` of nothing.
+pub fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let values: Vec<f64> = values.collect();
+    (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+}
+
 /// `part` of `whole`; 0 of nothing.
 pub(super) fn share(part: usize, whole: usize) -> f64 {
     if whole == 0 { 0.0 } else { part as f64 / whole as f64 }

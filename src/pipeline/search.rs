@@ -4,10 +4,10 @@ use image::GrayImage;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::pair::rectified_pair;
+use super::pair::{PairFailure, rectified_pair};
 use crate::float_image::FloatImage;
 use crate::options::DisparityOptions;
-use crate::vision::{self, DisparityError, OpenCvError, Rectification};
+use crate::vision::{self, Rectification, RectificationError};
 
 /// Values tried, each with each.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -33,6 +33,13 @@ impl DisparityGrid {
             block_sizes: (low..=high).step_by(usize::from(block_step.max(1))).collect(),
         }
     }
+
+    /// Block size and least disparity of every point: by block size, then by
+    /// least disparity.
+    pub fn points(&self) -> impl Iterator<Item = (i32, i32)> {
+        let with_each = |&block| self.min_disparities_px.iter().map(move |&least| (block, least));
+        self.block_sizes.iter().flat_map(with_each)
+    }
 }
 
 impl Default for DisparityGrid {
@@ -43,70 +50,57 @@ impl Default for DisparityGrid {
 }
 
 /// One point of the grid.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct DisparityTry {
+#[derive(Clone, Debug, PartialEq)]
+pub struct DisparityTry<M> {
     pub min_disparity_px: i32,
     pub block_size: i32,
-    /// What `measure` said, lower is better; null if it said nothing.
-    pub bad2: Option<f64>,
-    /// Share of the view's pixels that have a disparity.
-    pub coverage: f64,
-    /// Why there is no map.
-    pub failure: Option<DisparityError>,
+    /// What `measure` said.
+    pub measured: M,
 }
 
-/// Tries every point of `grid` on one rectified pair and measures the left
-/// view's map.
+/// Tries every point of `grid` on one pair and measures the left view's map.
 ///
 /// * `drawings`: left and right, of one size, as they were rectified by
 ///   `rectification`.
 /// * `options`: of the stage; the two searched ones are replaced.
-/// * `measure`: the share of bad pixels of a disparity map of the left view, px
-///   (`x_left - x_right` of the rectified pair), NaN where missing.
+/// * `measure`: takes the disparity map of the left view, px (`x_left -
+///   x_right` of the rectified pair), NaN where missing; or why there is none.
 ///
-/// Returns a try for each point, in the grid's order: by block size, then by
-/// least disparity. Runs on the current thread pool; the result does not depend
-/// on it.
-///
-/// # Errors
-/// [`OpenCvError`] if the drawings cannot be rectified; what happens to single
-/// points is in their tries.
+/// Returns a try for each point, in the order of [`DisparityGrid::points`]. Runs
+/// on the current thread pool; the result does not depend on it.
 ///
 /// # Source
 /// Arys 2020, §3.6, §4.4 (min disparity searched about zero for the best bad2.0).
-pub fn search_disparity(
+pub fn search_disparity<M: Send>(
     drawings: [&GrayImage; 2],
     rectification: &Rectification,
     options: &DisparityOptions,
     grid: &DisparityGrid,
-    measure: impl Fn(&FloatImage) -> Option<f64> + Sync,
-) -> Result<Vec<DisparityTry>, OpenCvError> {
-    let [left, right] = rectified_pair(drawings, rectification)?;
-    let points: Vec<(i32, i32)> = grid
-        .block_sizes
-        .iter()
-        .flat_map(|&block| grid.min_disparities_px.iter().map(move |&least| (block, least)))
-        .collect();
+    measure: impl Fn(Result<FloatImage, PairFailure>) -> M + Sync,
+) -> Vec<DisparityTry<M>> {
+    // Once for all points: they differ after it.
+    let rectified = rectified_pair(drawings, rectification)
+        .map_err(|error| PairFailure::from(RectificationError::from(error)));
+    let map = |options: &DisparityOptions| {
+        let [left, right] = rectified.as_ref().map_err(PairFailure::clone)?;
+        let map = vision::left_disparity(left, right, options)?;
+        Ok(vision::derectify(&map, &rectification.rectified_from_left)?)
+    };
+    let points: Vec<_> = grid.points().collect();
     let tried = points.par_iter().with_max_len(1).map(|&(block_size, min_disparity_px)| {
         let options = DisparityOptions { block_size, min_disparity_px, ..options.clone() };
-        let map = vision::left_disparity(&left, &right, &options)
-            .and_then(|map| vision::derectify(&map, &rectification.rectified_from_left));
-        let (bad2, coverage, failure) = match &map {
-            Ok(map) => (measure(map), covered(map), None),
-            Err(error) => (None, 0.0, Some(error.clone())),
-        };
-        DisparityTry { min_disparity_px, block_size, bad2, coverage, failure }
+        DisparityTry { min_disparity_px, block_size, measured: measure(map(&options)) }
     });
-    Ok(tried.collect())
+    tried.collect()
 }
 
-fn covered(map: &FloatImage) -> f64 {
-    map.iter().filter(|value| value.is_finite()).count() as f64 / map.len().max(1) as f64
-}
-
-/// The try with the least `bad2`; among equals the first.
-pub fn best_try(tries: &[DisparityTry]) -> Option<&DisparityTry> {
-    let measured = tries.iter().filter_map(|found| Some((found.bad2?, found)));
+/// The try with the least of what `bad2` reads from its measure; among equals
+/// the first. Those that it reads nothing from are left out.
+pub fn best_try<M>(
+    tries: &[DisparityTry<M>],
+    bad2: impl Fn(&M) -> Option<f64>,
+) -> Option<&DisparityTry<M>> {
+    let measured = tries.iter().filter_map(|found| Some((bad2(&found.measured)?, found)));
     measured
         .filter(|(bad2, _)| !bad2.is_nan())
         .min_by(|(one, _), (other, _)| one.total_cmp(other))
@@ -118,6 +112,8 @@ mod tests {
     use super::*;
     use image::Luma;
     use nalgebra::Matrix3;
+
+    use crate::vision::DisparityError;
 
     /// Repeatable texture without structure.
     fn texture(x: i64, y: i64) -> u8 {
@@ -141,8 +137,9 @@ mod tests {
     }
 
     /// Share of the middle that is off by more than two from `truth`.
-    fn off_from(truth: f32) -> impl Fn(&FloatImage) -> Option<f64> + Sync {
+    fn off_from(truth: f32) -> impl Fn(Result<FloatImage, PairFailure>) -> Option<f64> + Sync {
         move |map| {
+            let map = map.ok()?;
             let middle: Vec<_> =
                 map.enumerate_pixels().filter(|(x, ..)| (60..100).contains(x)).collect();
             let bad = middle
@@ -172,17 +169,18 @@ mod tests {
             ..DisparityOptions::default()
         };
         let grid = DisparityGrid { min_disparities_px: vec![0, 24, -24], block_sizes: vec![5, 9] };
+        let level = level();
         let drawings = [&left, &right];
-        let tries = search_disparity(drawings, &level(), &options, &grid, off_from(-20.0)).unwrap();
+        let tries = search_disparity(drawings, &level, &options, &grid, off_from(-20.0));
         assert_eq!(tries.len(), 6);
-        let best = best_try(&tries).unwrap();
+        let best = best_try(&tries, |bad2| *bad2).unwrap();
         assert_eq!(best.min_disparity_px, -24);
-        assert!(best.bad2.unwrap() < 0.05, "{best:?}");
-        assert!(tries.iter().filter(|t| t.min_disparity_px != -24).all(|t| t.bad2 > Some(0.9)));
+        assert!(best.measured.unwrap() < 0.05, "{best:?}");
+        assert!(tries.iter().filter(|t| t.min_disparity_px != -24).all(|t| t.measured > Some(0.9)));
         let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
         let again =
-            pool.install(|| search_disparity(drawings, &level(), &options, &grid, off_from(-20.0)));
-        assert_eq!(again.unwrap(), tries);
+            pool.install(|| search_disparity(drawings, &level, &options, &grid, off_from(-20.0)));
+        assert_eq!(again, tries);
     }
 
     #[test]
@@ -191,8 +189,11 @@ mod tests {
         let grid = DisparityGrid { min_disparities_px: vec![0], block_sizes: vec![155] };
         let options = DisparityOptions::default();
         let tries =
-            search_disparity([&left, &right], &level(), &options, &grid, |_| Some(0.0)).unwrap();
-        assert!(matches!(tries[0].failure, Some(DisparityError::TooNarrow { .. })));
-        assert_eq!(best_try(&tries), None);
+            search_disparity([&left, &right], &level(), &options, &grid, |map| map.map(|_| 0.0));
+        assert!(matches!(
+            tries[0].measured,
+            Err(PairFailure::Disparity(DisparityError::TooNarrow { .. }))
+        ));
+        assert_eq!(best_try(&tries, |measured| measured.as_ref().ok().copied()), None);
     }
 }

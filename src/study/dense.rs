@@ -6,7 +6,10 @@ use super::input::StudySheet;
 use crate::evaluation::{ViewReport, disparity_from_depth, disparity_from_pairs, evaluate_view};
 use crate::float_image::FloatImage;
 use crate::options::{DisparityOptions, Options};
-use crate::pipeline::{DisparityGrid, Side, probe_map, probe_pair};
+use crate::pipeline::{
+    DisparityGrid, DisparityTry, PairFailure, Side, best_try, probe_map, probe_pair,
+    search_disparity,
+};
 use crate::vision::{PartneredMap, Rectification, affine_depth, inverse_depth, mean_map};
 
 /// A sheet whose two pairs went as far as their rectification, or why not.
@@ -164,11 +167,7 @@ pub(super) fn sweep_blocks(
 }
 
 /// A point of the search of table 4.8, measured on the left map.
-pub(super) struct Try {
-    pub block_size: i32,
-    pub min_disparity_px: i32,
-    pub report: Result<ViewReport, String>,
-}
+pub(super) type Try = DisparityTry<Result<ViewReport, String>>;
 
 /// Table 4.8: every point of the grid on one sheet, by block size, then least
 /// disparity.
@@ -180,21 +179,27 @@ pub(super) fn search(
     grid: &DisparityGrid,
     on_unit: &(dyn Fn() + Sync),
 ) -> Vec<Try> {
-    let least = grid.min_disparities_px.len();
-    (0..grid.block_sizes.len() * least)
-        .into_par_iter()
-        .with_max_len(1)
-        .map(|index| {
-            let block_size = grid.block_sizes[index / least];
-            let min_disparity_px = grid.min_disparities_px[index % least];
-            let options = DisparityOptions { block_size, min_disparity_px, ..options.clone() };
-            let map = sheet.map(Side::Left, &options);
-            let spacing = sheet.sheet.spacing_deg;
-            let report = map.and_then(|map| sheet.report(&disparity_from_pairs(&map, &[spacing])));
-            on_unit();
-            Try { block_size, min_disparity_px, report }
-        })
-        .collect()
+    let [_, middle, after] = &sheet.sheet.views;
+    let spacing = sheet.sheet.spacing_deg;
+    let measure = |map: Result<FloatImage, String>| {
+        let report = map.and_then(|map| sheet.report(&disparity_from_pairs(&map, &[spacing])));
+        on_unit();
+        report
+    };
+    match &sheet.pairs {
+        Ok([_, pair]) => {
+            let measure =
+                |map: Result<_, PairFailure>| measure(map.map_err(|failure| failure.to_string()));
+            search_disparity([&middle.image, &after.image], pair, options, grid, measure)
+        }
+        Err(told) => grid
+            .points()
+            .map(|(block_size, min_disparity_px)| {
+                let measured = measure(Err(told.clone()));
+                Try { min_disparity_px, block_size, measured }
+            })
+            .collect(),
+    }
 }
 
 /// By which of bad2.0's readings the best try is chosen.
@@ -230,7 +235,5 @@ impl Bad2 {
 
 /// The try with the least bad2.0; among equals the first.
 pub(super) fn best(tries: &[Try], bad2: Bad2) -> Option<&Try> {
-    let measured =
-        tries.iter().filter_map(|found| Some((bad2.of(found.report.as_ref().ok()?)?, found)));
-    measured.min_by(|(one, _), (other, _)| one.total_cmp(other)).map(|(_, found)| found)
+    best_try(tries, |report| bad2.of(report.as_ref().ok()?))
 }

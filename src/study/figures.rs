@@ -7,9 +7,9 @@ use super::published::{
 };
 use super::ranking::published;
 use super::run::{BestTry, Search, Study};
-use super::sparse::{Metric, Sweep, mean};
+use super::sparse::{Metric, Sweep};
 use super::table::{Cell, Table};
-use crate::evaluation::ViewReport;
+use crate::evaluation::{ViewReport, mean};
 
 /// The dissertation's sheet for tables 4.1 to 4.4.
 pub(super) const DUDE: &str = "dude";
@@ -254,8 +254,8 @@ impl Study {
                     found.block_size.into(),
                     found.min_disparity_px.into(),
                 ];
-                cells.extend(view_cells(found.report.as_ref().ok()));
-                cells.push(found.report.as_ref().err().cloned().into());
+                cells.extend(view_cells(found.measured.as_ref().ok()));
+                cells.push(found.measured.as_ref().err().cloned().into());
                 table.push(cells);
             }
         }
@@ -280,7 +280,7 @@ fn whole_row(search: &Search, bad2: Bad2, found: Option<&BestTry>) -> Vec<Cell> 
     cells.extend(depths.map(|(_, report)| Cell::from(report.and_then(|r| r.correlation))));
     let failure = match found {
         Some(found) => found.mean.as_ref().err().cloned(),
-        None => search.tries.iter().find_map(|found| found.report.as_ref().err().cloned()),
+        None => search.tries.iter().find_map(|found| found.measured.as_ref().err().cloned()),
     };
     cells.push(failure.into());
     cells

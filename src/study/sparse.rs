@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::input::StudySheet;
 use super::table::{Cell, Table};
+use crate::evaluation::mean;
 use crate::options::Options;
 use crate::pipeline::{PairMetrics, pair_metrics, probe_pair};
 use crate::vision::EstimatorRun;
@@ -191,11 +192,6 @@ fn pair_row(labels: &[String], sheet: &str, pair: &PairMetrics) -> Vec<Cell> {
 fn estimator_name(estimator: EstimatorRun) -> String {
     let name = serde_json::to_value(estimator).ok();
     name.and_then(|name| name.as_str().map(str::to_owned)).unwrap_or_default()
-}
-
-pub(super) fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let values: Vec<f64> = values.collect();
-    (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }
 
 /// The middle one, or the mean of the two in the middle.

@@ -5,6 +5,7 @@ use serde_json::Value;
 
 use super::sets::{Variant, ViewSet};
 use super::trial::{Trial, ViewTrial};
+use crate::evaluation::mean;
 
 /// The view whose depth stands for a sheet's.
 const QUARTER_DEG: f64 = 45.0;
@@ -79,11 +80,6 @@ fn quarter(trial: &Trial) -> Option<&ViewTrial> {
 /// Views whose depth rests on lines.
 fn lined(trial: &Trial) -> impl Iterator<Item = &ViewTrial> {
     trial.views.iter().filter(|view| view.fallback.is_none())
-}
-
-fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let values: Vec<f64> = values.collect();
-    (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }
 
 impl Report {
