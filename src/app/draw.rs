@@ -9,6 +9,7 @@ use indicatif::ProgressBar;
 use serde_json::json;
 
 use super::failure::Failure;
+use super::inputs;
 use crate::draw::{DrawError, DrawOptions, PreparedModel, SheetLimits, draw_sheet};
 use crate::export::Artifact;
 use crate::model_io::{self, Limits, Model, ModelFormat, UpAxis};
@@ -116,12 +117,7 @@ fn chosen_options(args: &DrawArgs) -> Result<DrawOptions> {
     if let Some(preset) = &args.degrade {
         options::merge(&mut chosen, json!({ "degrade": { "preset": preset } }));
     }
-    for setting in &args.set {
-        let (option, value) = setting
-            .split_once('=')
-            .with_context(|| format!("--set {setting}: not OPTION=VALUE"))?;
-        options::merge(&mut chosen, options::nested(option.trim(), value.trim()));
-    }
+    inputs::lay_over(&mut chosen, &args.set)?;
     options::parse_set(&chosen).context("drawing options")
 }
 

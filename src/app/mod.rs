@@ -8,6 +8,7 @@ mod config;
 mod draw;
 mod evaluate;
 mod failure;
+mod inputs;
 mod reconstruct;
 mod serve;
 mod study;

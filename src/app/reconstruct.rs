@@ -2,7 +2,6 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::thread::available_parallelism;
 
 use anyhow::{Context, Result, anyhow, bail};
 use clap::Args;
@@ -11,6 +10,7 @@ use serde_json::{Value, json};
 
 use super::config::LimitConfig;
 use super::failure::Failure;
+use super::inputs;
 use crate::draft::{self, DraftError, Summary};
 use crate::export::Artifact;
 use crate::options;
@@ -51,16 +51,16 @@ pub struct ReconstructArgs {
 pub fn run(args: &ReconstructArgs) -> Result<(), Failure> {
     let (mut document, base) = document(args).map_err(Failure::Input)?;
     document.options = Some(chosen_options(args, document.options.take())?);
-    let threads = match args.threads {
-        0 => available_parallelism().map_or(1, usize::from),
-        threads => threads,
-    };
     let read = |name: &str| fs::read(base.join(name)).map_err(|error| name_file(name, &error));
     let bar = Bar::new();
-    let summary =
-        draft::produce(&document, &read, &args.limits.image(), threads, &bar, &mut |artifact| {
-            write(&args.output, &artifact)
-        });
+    let summary = draft::produce(
+        &document,
+        &read,
+        &args.limits.image(),
+        inputs::threads(args.threads),
+        &bar,
+        &mut |artifact| write(&args.output, &artifact),
+    );
     bar.0.finish_and_clear();
     report(&summary.map_err(classify)?, &args.output);
     Ok(())
@@ -70,10 +70,7 @@ pub fn run(args: &ReconstructArgs) -> Result<(), Failure> {
 fn document(args: &ReconstructArgs) -> Result<(SheetDocument, PathBuf)> {
     let (mut document, base) = match &args.sheet {
         Some(path) => {
-            let text = fs::read_to_string(path).with_context(|| path.display().to_string())?;
-            let mut json = serde_json::Deserializer::from_str(&text);
-            let document: SheetDocument = serde_path_to_error::deserialize(&mut json)
-                .with_context(|| format!("{} is no sheet document", path.display()))?;
+            let document = inputs::sheet_document(path)?;
             (document, path.parent().unwrap_or(Path::new("")).to_owned())
         }
         None => (SheetDocument { views: views(args)?, ..Default::default() }, PathBuf::new()),
@@ -129,12 +126,7 @@ fn chosen_options(args: &ReconstructArgs, own: Option<Value>) -> Result<Value, F
     if let Some(method) = &args.method {
         options::merge(&mut chosen, json!({ "method": method }));
     }
-    for setting in &args.set {
-        let (option, value) = setting
-            .split_once('=')
-            .ok_or_else(|| Failure::Usage(anyhow!("--set {setting}: not OPTION=VALUE")))?;
-        options::merge(&mut chosen, options::nested(option.trim(), value.trim()));
-    }
+    inputs::lay_over(&mut chosen, &args.set).map_err(Failure::Usage)?;
     options::parse(&chosen).map_err(|problems| Failure::Input(anyhow!("options: {problems}")))?;
     Ok(chosen)
 }

@@ -8,6 +8,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use rayon::ThreadPoolBuilder;
 
 use super::failure::Failure;
+use super::inputs;
 use crate::evaluation::{decode_truth, has_values};
 use crate::sheet::{
     self, Azimuth, ImageLimits, PlacedView, SheetDocument, SheetRequirements, View,
@@ -51,7 +52,7 @@ pub fn run(args: &StudyArgs) -> Result<(), Failure> {
         ProgressStyle::with_template("{bar:40} {pos}/{len} {eta}").expect("the template is valid"),
     );
     let pool = ThreadPoolBuilder::new()
-        .num_threads(args.threads)
+        .num_threads(inputs::threads(args.threads))
         .build()
         .map_err(|error| Failure::Internal(error.into()))?;
     let study = pool.install(|| Study::run(&sheets, &wider, &protocol, &|| bar.inc(1)));
@@ -89,10 +90,7 @@ fn sheet_folders(folder: &Path) -> Result<Vec<PathBuf>> {
 /// there.
 fn load(folder: &Path) -> Result<(StudySheet, Option<StudySheet>)> {
     let path = folder.join("sheet.json");
-    let text = fs::read_to_string(&path).with_context(|| path.display().to_string())?;
-    let mut json = serde_json::Deserializer::from_str(&text);
-    let document: SheetDocument = serde_path_to_error::deserialize(&mut json)
-        .with_context(|| format!("{} is no sheet document", path.display()))?;
+    let document = inputs::sheet_document(&path)?;
     let placed = sheet::check_document(&document, &REQUIREMENTS)
         .with_context(|| path.display().to_string())?;
     let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();

@@ -27,6 +27,7 @@ use timing::Timed;
 use truth::Truths;
 use turntable_export::TurntableExporter;
 
+pub use truth::true_model;
 pub use turntable::TurntableDraft;
 
 /// Why there is no draft.

@@ -150,8 +150,12 @@ fn named_truths(document: &SheetDocument) -> Result<Vec<NamedTruth<'_>>, DraftEr
     Ok(views)
 }
 
-/// The true model and the sheet pixels a unit of it.
-fn true_model(
+/// The true model that a document names, in its own unit, and the sheet pixels
+/// a unit of it.
+///
+/// # Errors
+/// [`DraftError::Input`] for a model that cannot be read or has no scale.
+pub fn true_model(
     document: &SheetDocument,
     read: ReadImage<'_>,
 ) -> Result<Option<(Mesh, f64)>, DraftError> {

@@ -8,7 +8,6 @@ mod trial;
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::thread::available_parallelism;
 
 use anyhow::{Context, Result, anyhow};
 use clap::Args;
@@ -17,6 +16,7 @@ use serde_json::{Value, json};
 
 use super::config::LimitConfig;
 use super::failure::Failure;
+use super::inputs;
 use crate::options;
 use report::Report;
 use sets::{SETS, Variant, ViewSet, variants};
@@ -51,10 +51,7 @@ pub fn run(args: &EvaluateArgs) -> Result<(), Failure> {
     let sets = chosen_sets(&args.sets).map_err(Failure::Usage)?;
     let options = chosen_options(&args.set)?;
     let variants = variants(args.ablation);
-    let threads = match args.threads {
-        0 => available_parallelism().map_or(1, usize::from),
-        threads => threads,
-    };
+    let threads = inputs::threads(args.threads);
     let bar = progress_bar(args.sheets.len() * sets.len() * variants.len());
     let mut report = Report::new(&options);
     let mut contacts = Vec::new();
@@ -100,12 +97,7 @@ fn chosen_sets(names: &[String]) -> Result<Vec<&'static ViewSet>> {
 
 fn chosen_options(settings: &[String]) -> Result<Value, Failure> {
     let mut chosen = json!({"method": "turntable"});
-    for setting in settings {
-        let (option, value) = setting
-            .split_once('=')
-            .ok_or_else(|| Failure::Usage(anyhow!("--set {setting}: not OPTION=VALUE")))?;
-        options::merge(&mut chosen, options::nested(option.trim(), value.trim()));
-    }
+    inputs::lay_over(&mut chosen, settings).map_err(Failure::Usage)?;
     options::parse(&chosen).map_err(|problems| Failure::Input(anyhow!("options: {problems}")))?;
     Ok(chosen)
 }

@@ -2,12 +2,13 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use anyhow::{Context, Result, anyhow, bail};
+use anyhow::{Context, Result, bail};
 use serde::Serialize;
 use serde_json::Value;
 
 use super::contact;
 use super::sets::ViewSet;
+use crate::app::inputs;
 use crate::draft::{self, DraftError, TurntableDraft};
 use crate::draw::{DrawOptions, Drawer, PreparedModel};
 use crate::evaluation::{
@@ -15,8 +16,8 @@ use crate::evaluation::{
     decode_truth, disparity_from_depth, evaluate_view, true_mask,
 };
 use crate::geometry::Mesh;
-use crate::model_io::{self, Model, ModelFormat};
-use crate::pipeline::{Observer, Progress};
+use crate::model_io::Model;
+use crate::pipeline::Silent;
 use crate::sheet::{Azimuth, ImageLimits, SheetDocument, ViewDocument};
 use crate::turntable::depth::{Fallback, ViewDepth};
 use crate::turntable::mesh::topology::check_manifold;
@@ -32,7 +33,7 @@ pub(super) struct SheetFolder {
 }
 
 /// What came of one view set on one sheet.
-#[derive(Serialize)]
+#[derive(Default, Serialize)]
 pub(super) struct Trial {
     /// Views of the set that the sheet lacks, or why there is no draft.
     pub failure: Option<String>,
@@ -67,10 +68,7 @@ pub(super) struct ViewTrial {
 
 impl SheetFolder {
     pub fn open(path: &Path, limits: &ImageLimits) -> Result<Self> {
-        let text = path.join("sheet.json");
-        let text = fs::read(&text).with_context(|| text.display().to_string())?;
-        let document: SheetDocument = serde_json::from_slice(&text)
-            .with_context(|| format!("{} holds no sheet document", path.display()))?;
+        let document = inputs::sheet_document(&path.join("sheet.json"))?;
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let solid = solid_truth(path, &document).with_context(|| name.clone())?;
         Ok(Self { path: path.to_owned(), name, document, limits: *limits, solid })
@@ -169,36 +167,17 @@ impl SheetFolder {
     }
 }
 
-impl Default for Trial {
-    fn default() -> Self {
-        Self {
-            failure: None,
-            seconds: 0.0,
-            peak_memory_mib: None,
-            solid: None,
-            mesh: None,
-            views: Vec::new(),
-            picture: None,
-        }
-    }
-}
-
 impl Trial {
     fn failed(failure: String) -> Self {
         Self { failure: Some(failure), ..Self::default() }
     }
 }
 
+/// The true model in sheet pixels, prepared for comparing with it.
 fn solid_truth(path: &Path, document: &SheetDocument) -> Result<Option<SolidTruth>> {
-    let Some(truth) = &document.truth else { return Ok(None) };
-    let Some(name) = &truth.model else { return Ok(None) };
-    let format = ModelFormat::from_file_name(name)
-        .ok_or_else(|| anyhow!("{name} is of no format that can be read"))?;
-    let bytes = fs::read(path.join(name)).with_context(|| name.clone())?;
-    let model = model_io::load(&bytes, format, truth.model_up_axis, &model_io::Limits::default())?;
-    let scale = document.pixels_per_unit.context("sheet.json gives no pixels_per_unit")?;
-    let mut mesh = model.mesh;
-    mesh.positions.iter_mut().for_each(|p| *p *= scale);
+    let truth = draft::true_model(document, &|name| fs::read(path.join(name)))?;
+    let Some((mut mesh, pixels_per_unit)) = truth else { return Ok(None) };
+    mesh.positions.iter_mut().for_each(|p| *p *= pixels_per_unit);
     Ok(Some(SolidTruth::new(&mesh, SolidOptions::default())?))
 }
 
@@ -224,16 +203,6 @@ impl Outlines {
 
     fn mask(&self, azimuth: Azimuth) -> Result<image::GrayImage> {
         Ok(Drawer::new(&self.model, &self.options)?.truth_of_view(azimuth)?.mask)
-    }
-}
-
-struct Silent;
-
-impl Observer for Silent {
-    fn progress(&self, _: Progress) {}
-
-    fn is_cancelled(&self) -> bool {
-        false
     }
 }
 
