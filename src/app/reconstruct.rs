@@ -1,6 +1,6 @@
 use std::collections::BTreeSet;
-use std::fs;
-use std::io;
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow, bail};
@@ -12,7 +12,7 @@ use super::config::LimitConfig;
 use super::failure::Failure;
 use super::inputs;
 use crate::draft::{self, DraftError, Summary};
-use crate::export::Artifact;
+use crate::export::{Artifact, ArtifactName, ArtifactSink, ArtifactWriter};
 use crate::options;
 use crate::pipeline::{Observer, Progress};
 use crate::sheet::{Azimuth, AzimuthList, SheetDocument, ViewDocument};
@@ -59,7 +59,7 @@ pub fn run(args: &ReconstructArgs) -> Result<(), Failure> {
         &args.limits.image(),
         inputs::threads(args.threads),
         &bar,
-        &mut |artifact| write(&args.output, &artifact),
+        &mut Folder(&args.output),
     );
     bar.0.finish_and_clear();
     report(&summary.map_err(classify)?, &args.output);
@@ -135,10 +135,61 @@ fn name_file(name: &str, error: &io::Error) -> io::Error {
     io::Error::new(error.kind(), format!("{name}: {error}"))
 }
 
-fn write(folder: &Path, artifact: &Artifact) -> io::Result<()> {
-    let path = folder.join(&artifact.name);
-    fs::create_dir_all(path.parent().expect("joined to a folder"))?;
-    fs::write(&path, &artifact.bytes).map_err(|error| name_file(&artifact.name, &error))
+/// Where the artifacts are written.
+struct Folder<'a>(&'a Path);
+
+impl Folder<'_> {
+    /// Where a file of this name is, in a folder that exists.
+    fn place(&self, name: &str) -> io::Result<PathBuf> {
+        let path = self.0.join(name);
+        fs::create_dir_all(path.parent().expect("joined to a folder"))?;
+        Ok(path)
+    }
+}
+
+impl ArtifactSink for Folder<'_> {
+    fn put(&mut self, artifact: Artifact) -> io::Result<()> {
+        fs::write(self.place(&artifact.name)?, &artifact.bytes)
+            .map_err(|error| name_file(&artifact.name, &error))
+    }
+
+    fn create(&mut self, name: ArtifactName) -> io::Result<Box<dyn ArtifactWriter>> {
+        let name = name.to_string();
+        let path = self.place(&name)?;
+        let file = File::create(&path).map_err(|error| name_file(&name, &error))?;
+        Ok(Box::new(GrowingFile { file: BufWriter::new(file), unfinished: Some(path) }))
+    }
+}
+
+/// A file that is deleted unless it is finished.
+struct GrowingFile {
+    file: BufWriter<File>,
+    unfinished: Option<PathBuf>,
+}
+
+impl Write for GrowingFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.file.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
+}
+
+impl ArtifactWriter for GrowingFile {
+    fn finish(mut self: Box<Self>) -> io::Result<()> {
+        self.file.flush()?;
+        self.unfinished = None;
+        Ok(())
+    }
+}
+
+impl Drop for GrowingFile {
+    fn drop(&mut self) {
+        // The run has failed already: what is left behind matters less.
+        let _ = self.unfinished.take().map(fs::remove_file);
+    }
 }
 
 fn classify(error: DraftError) -> Failure {

@@ -11,7 +11,7 @@ use futures::{StreamExt, TryStreamExt};
 use jiff::Timestamp;
 use object_store::local::LocalFileSystem;
 use object_store::path::Path;
-use object_store::{GetOptions, GetRange, ObjectStore, ObjectStoreExt, PutPayload};
+use object_store::{GetOptions, GetRange, ObjectStore, ObjectStoreExt, PutPayload, WriteMultipart};
 
 use super::key::{self, InvalidName, Key};
 use crate::jobs::JobId;
@@ -58,6 +58,37 @@ pub struct ByteRange {
     pub chunks: BoxStream<'static, Result<Bytes, ByteError>>,
 }
 
+/// What is sent at once of bytes that are stored piece by piece; object stores
+/// want 5 MiB or more.
+const PART_BYTES: usize = 8 << 20;
+/// Parts on their way at once.
+const PARTS_IN_FLIGHT: usize = 2;
+
+/// Bytes on their way in.
+pub struct ByteWriter {
+    parts: WriteMultipart,
+}
+
+impl ByteWriter {
+    /// Adds bytes at the end; waits while too many are on their way.
+    pub async fn write(&mut self, bytes: Bytes) -> Result<(), ByteError> {
+        self.parts.wait_for_capacity(PARTS_IN_FLIGHT).await.map_err(from_store)?;
+        self.parts.put(bytes);
+        Ok(())
+    }
+
+    /// Stores all that was written; it is durable on return.
+    pub async fn finish(self) -> Result<(), ByteError> {
+        self.parts.finish().await.map_err(from_store)?;
+        Ok(())
+    }
+
+    /// Forgets what was written.
+    pub async fn abort(self) -> Result<(), ByteError> {
+        self.parts.abort().await.map_err(from_store)
+    }
+}
+
 /// Inputs and artifacts by [`Key`], in a folder or an object store.
 #[derive(Clone)]
 pub struct ByteStore {
@@ -97,6 +128,13 @@ impl ByteStore {
         let payload = PutPayload::from_bytes(bytes);
         self.store.put(&key.path()?, payload).await.map_err(from_store)?;
         Ok(())
+    }
+
+    /// Begins to store bytes piece by piece; nothing is stored before
+    /// [`ByteWriter::finish`].
+    pub async fn writer(&self, key: &Key<'_>) -> Result<ByteWriter, ByteError> {
+        let upload = self.store.put_multipart(&key.path()?).await.map_err(from_store)?;
+        Ok(ByteWriter { parts: WriteMultipart::new_with_chunk_size(upload, PART_BYTES) })
     }
 
     /// Everything stored under `key`.
@@ -247,6 +285,26 @@ mod tests {
             assert_eq!(collect(store.stream(&key, None).await.unwrap()).await, content);
             let outside = store.stream(&key, Some(100_000..100_001)).await;
             assert!(matches!(outside, Err(ByteError::Range { size: 100_000, .. })));
+        }
+    }
+
+    #[tokio::test]
+    async fn what_is_written_in_pieces_is_there_once_finished() {
+        let (_folder, stores) = stores();
+        let piece: Bytes = (0..3_000_000u32).map(|i| (i % 253) as u8).collect();
+        for store in stores {
+            let [kept, dropped] = [JobId::new(), JobId::new()].map(|job| artifact(job, 1));
+            let mut writer = store.writer(&kept).await.unwrap();
+            for _ in 0..5 {
+                writer.write(piece.clone()).await.unwrap();
+            }
+            assert!(matches!(store.get(&kept).await, Err(ByteError::NotFound(_))));
+            writer.finish().await.unwrap();
+            assert_eq!(store.get(&kept).await.unwrap(), piece.repeat(5));
+            let mut writer = store.writer(&dropped).await.unwrap();
+            writer.write(piece.clone()).await.unwrap();
+            writer.abort().await.unwrap();
+            assert!(matches!(store.get(&dropped).await, Err(ByteError::NotFound(_))));
         }
     }
 

@@ -8,5 +8,5 @@
 mod bytes;
 mod key;
 
-pub use bytes::{ByteError, ByteRange, ByteStore};
+pub use bytes::{ByteError, ByteRange, ByteStore, ByteWriter};
 pub use key::{InvalidName, Key};

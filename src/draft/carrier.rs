@@ -2,49 +2,58 @@ use std::panic::resume_unwind;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::{Scope, ScopedJoinHandle};
 
-use super::{DraftError, EmitArtifact};
-use crate::export::{Artifact, Bundle};
+use super::DraftError;
+use crate::export::{Artifact, ArtifactName, ArtifactSink, Bundle};
 
 /// Artifacts that may wait to be bundled and stored.
 const WAITING: usize = 4;
 
-/// What the thread gives back when all artifacts are out.
-pub type Delivered<'a> = Result<(Bundle, EmitArtifact<'a>), DraftError>;
+/// What the thread gives back when all artifacts and their bundle are out.
+pub type Delivered<'a> = Result<&'a mut dyn ArtifactSink, DraftError>;
 
-/// Bundles and emits artifacts in the order they come, on a thread of its own:
-/// the next ones are made meanwhile.
+/// Bundles artifacts and hands them over in the order they come, on a thread of
+/// its own: the next ones are made meanwhile, and the bundle is written as it
+/// grows.
 pub struct Carrier<'scope> {
-    post: SyncSender<Artifact>,
+    /// `None` is the last.
+    post: SyncSender<Option<Artifact>>,
     thread: ScopedJoinHandle<'scope, Delivered<'scope>>,
 }
 
 impl<'scope> Carrier<'scope> {
-    pub fn start(scope: &'scope Scope<'scope, '_>, emit: EmitArtifact<'scope>) -> Self {
+    pub fn start(scope: &'scope Scope<'scope, '_>, sink: &'scope mut dyn ArtifactSink) -> Self {
         let (post, waiting) = sync_channel(WAITING);
-        Self { post, thread: scope.spawn(move || carry(waiting, emit)) }
+        Self { post, thread: scope.spawn(move || carry(waiting, sink)) }
     }
 
     /// Takes an artifact, waiting while too many wait. `false` if the thread
     /// has given up: [`Self::finish`] says why.
     pub fn send(&self, artifact: Artifact) -> bool {
-        self.post.send(artifact).is_ok()
+        self.post.send(Some(artifact)).is_ok()
     }
 
-    /// Waits until everything is out.
+    /// Closes the bundle and waits until everything is out.
     ///
     /// # Errors
-    /// The first one of bundling and emitting.
+    /// The first one of bundling and handing over.
     pub fn finish(self) -> Delivered<'scope> {
-        drop(self.post);
+        // If the thread has given up, it says so itself.
+        let _ = self.post.send(None);
         self.thread.join().unwrap_or_else(|panic| resume_unwind(panic))
     }
 }
 
-fn carry(waiting: Receiver<Artifact>, emit: EmitArtifact<'_>) -> Delivered<'_> {
-    let mut bundle = Bundle::default();
-    for artifact in waiting {
+fn carry(waiting: Receiver<Option<Artifact>>, sink: &mut dyn ArtifactSink) -> Delivered<'_> {
+    let mut bundle = Bundle::new(sink.create(ArtifactName::Bundle)?);
+    while let Some(artifact) = waiting.recv().map_err(|_| abandoned())? {
+        // Stored while it is compressed.
+        sink.put(artifact.clone())?;
         bundle.add(&artifact)?;
-        emit(artifact)?;
     }
-    Ok((bundle, emit))
+    bundle.finish()?.finish()?;
+    Ok(sink)
+}
+
+fn abandoned() -> DraftError {
+    DraftError::Internal("artifacts were abandoned before the last".to_owned())
 }

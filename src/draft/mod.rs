@@ -15,7 +15,7 @@ use std::thread;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use serde::{Deserialize, Serialize};
 
-use crate::export::{Artifact, EncodeError};
+use crate::export::{ArtifactSink, EncodeError};
 use crate::options::{self, Method, Options};
 use crate::pipeline::{Cancelled, Observer, PipelineError, measure, reconstruct};
 use crate::sheet::{ImageLimits, Sheet, SheetDocument};
@@ -87,9 +87,6 @@ pub struct Summary {
 /// Reads the bytes of an image that a document names.
 pub type ReadImage<'a> = &'a (dyn Fn(&str) -> io::Result<Vec<u8>> + Sync);
 
-/// Takes finished artifacts; called from another thread.
-pub type EmitArtifact<'a> = &'a mut (dyn FnMut(Artifact) -> io::Result<()> + Send);
-
 /// Makes a 3D draft from a sheet.
 ///
 /// * `document`: views and options.
@@ -98,19 +95,20 @@ pub type EmitArtifact<'a> = &'a mut (dyn FnMut(Artifact) -> io::Result<()> + Sen
 /// * `limits`: what one image may cost.
 /// * `threads`: how many threads may compute; no artifact but `timings.json`
 ///   depends on it.
-/// * `emit`: takes each artifact as soon as it is made, in a fixed order.
+/// * `sink`: takes each artifact as soon as it is made, in a fixed order, from
+///   another thread.
 ///
 /// # Errors
 /// [`DraftError::Input`] if document, images or options cannot give a draft,
 /// [`DraftError::Cancelled`] if `observer` says so, [`DraftError::Io`] from
-/// `read` and `emit`.
+/// `read` and `sink`.
 pub fn produce(
     document: &SheetDocument,
     read: ReadImage<'_>,
     limits: &ImageLimits,
     threads: usize,
     observer: &dyn Observer,
-    emit: EmitArtifact<'_>,
+    sink: &mut dyn ArtifactSink,
 ) -> Result<Summary, DraftError> {
     let options = options_of(document)?;
     let pool = pool(threads)?;
@@ -121,7 +119,7 @@ pub fn produce(
     let (truths, timed) = (truths.as_ref(), &timed);
     let run = Run { sheet: &sheet, options: &options, truths, pool: &pool, threads, timed };
     thread::scope(|scope| {
-        let carrier = Carrier::start(scope, emit);
+        let carrier = Carrier::start(scope, sink);
         match options.method {
             Method::Uncalibrated => uncalibrated(&run, carrier),
             Method::Turntable => turntable(&run, document, carrier),

@@ -11,8 +11,7 @@ use crate::float_image::{FloatImage, encode_pfm};
 use crate::pipeline::{Observer, Progress, Stage};
 use crate::sheet::Azimuth;
 
-/// Hands artifacts over one by one; never more than a few are in memory beside
-/// the bundle.
+/// Hands artifacts over one by one; never more than a few are in memory.
 pub(super) struct Outbox<'a, 'e> {
     pool: &'a ThreadPool,
     observer: &'a dyn Observer,
@@ -97,16 +96,14 @@ impl<'a, 'e> Outbox<'a, 'e> {
     /// not part of it, as it differs from run to run. Returns the names of what
     /// was handed over.
     pub fn finish(mut self, timed: &Timed<'_>, threads: usize) -> Result<Vec<String>, DraftError> {
-        let (bundle, emit) = self.carrier.take().ok_or_else(stopped)?.finish()?;
-        let bundle = Artifact::new(ArtifactName::Bundle, bundle.finish()?);
-        self.names.push(bundle.name.clone());
-        emit(bundle)?;
+        let sink = self.carrier.take().ok_or_else(stopped)?.finish()?;
+        self.names.push(ArtifactName::Bundle.to_string());
         self.unit_done("bundle")?;
         let json = serde_json::to_vec_pretty(&timed.timings(threads))
             .map_err(|error| DraftError::Internal(error.to_string()))?;
         let timings = Artifact::new(ArtifactName::Timings, json);
         self.names.push(timings.name.clone());
-        emit(timings)?;
+        sink.put(timings)?;
         self.unit_done("timings")?;
         Ok(self.names)
     }

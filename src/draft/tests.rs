@@ -1,13 +1,14 @@
 use std::collections::BTreeMap;
-use std::io::{Cursor, Read};
-use std::sync::Mutex;
+use std::io::{Cursor, Read, Write};
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
 
 use image::{GrayImage, ImageFormat, Luma};
 use imageproc::drawing::draw_line_segment_mut;
 use serde_json::{Value, json};
 
 use super::*;
+use crate::export::{Artifact, ArtifactName, ArtifactWriter};
 use crate::pipeline::{Progress, Silent};
 use crate::sheet::ViewDocument;
 
@@ -89,14 +90,49 @@ pub(super) fn run(
     threads: usize,
     observer: &dyn Observer,
 ) -> Result<(Summary, Vec<Artifact>), DraftError> {
-    let mut artifacts = Vec::new();
+    let mut kept = Kept::default();
     let read = |name: &str| files.get(name).cloned().ok_or(io::ErrorKind::NotFound.into());
-    let summary =
-        produce(document, &read, &ImageLimits::default(), threads, observer, &mut |artifact| {
-            artifacts.push(artifact);
-            Ok(())
-        })?;
+    let limits = ImageLimits::default();
+    let summary = produce(document, &read, &limits, threads, observer, &mut kept)?;
+    let artifacts = std::mem::take(&mut *kept.0.lock().unwrap());
     Ok((summary, artifacts))
+}
+
+/// Artifacts in the order they were finished.
+#[derive(Clone, Default)]
+struct Kept(Arc<Mutex<Vec<Artifact>>>);
+
+struct Growing {
+    name: ArtifactName,
+    bytes: Vec<u8>,
+    kept: Kept,
+}
+
+impl ArtifactSink for Kept {
+    fn put(&mut self, artifact: Artifact) -> io::Result<()> {
+        self.0.lock().unwrap().push(artifact);
+        Ok(())
+    }
+
+    fn create(&mut self, name: ArtifactName) -> io::Result<Box<dyn ArtifactWriter>> {
+        Ok(Box::new(Growing { name, bytes: Vec::new(), kept: self.clone() }))
+    }
+}
+
+impl Write for Growing {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.bytes.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+impl ArtifactWriter for Growing {
+    fn finish(mut self: Box<Self>) -> io::Result<()> {
+        self.kept.put(Artifact::new(self.name, self.bytes))
+    }
 }
 
 pub(super) fn input_error(document: &SheetDocument, files: &Files) -> (&'static str, String) {

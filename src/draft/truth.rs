@@ -227,7 +227,7 @@ mod tests {
         let prepared = PreparedModel::new(&model).unwrap();
         let mut files = Files::new();
         let mut keep = |file: Artifact| -> Result<(), DrawError> {
-            files.insert(file.name, file.bytes);
+            files.insert(file.name, file.bytes.into());
             Ok(())
         };
         let (limits, go_on) = (SheetLimits::default(), |_| ControlFlow::Continue(()));

@@ -8,6 +8,7 @@ use super::tests::{
     Files, Watcher, input_error, metrics, png, run, sheet_of as uncalibrated_sheet, without_timings,
 };
 use super::*;
+use crate::export::Artifact;
 use crate::pipeline::Silent;
 
 const SIDE: u32 = 128;

@@ -70,7 +70,7 @@ impl ArtifactKind {
     }
 
     pub(super) fn with(self, bytes: Vec<u8>) -> Artifact {
-        Artifact { name: self.name(), media_type: self.media_type(), bytes }
+        Artifact { name: self.name(), media_type: self.media_type(), bytes: bytes.into() }
     }
 
     pub(super) fn with_image(self, image: &DynamicImage) -> Result<Artifact, DrawError> {

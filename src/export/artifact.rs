@@ -1,4 +1,6 @@
-use std::fmt;
+use std::{fmt, io};
+
+use bytes::Bytes;
 
 use crate::sheet::Azimuth;
 
@@ -115,13 +117,29 @@ pub struct Artifact {
     /// Path below the job's artifacts.
     pub name: String,
     pub media_type: &'static str,
-    pub bytes: Vec<u8>,
+    /// Shared: a clone is cheap.
+    pub bytes: Bytes,
 }
 
 impl Artifact {
-    pub fn new(name: ArtifactName, bytes: Vec<u8>) -> Self {
-        Self { name: name.to_string(), media_type: name.media_type(), bytes }
+    pub fn new(name: ArtifactName, bytes: impl Into<Bytes>) -> Self {
+        Self { name: name.to_string(), media_type: name.media_type(), bytes: bytes.into() }
     }
+}
+
+/// Where files go.
+pub trait ArtifactSink: Send {
+    /// Takes a finished file.
+    fn put(&mut self, artifact: Artifact) -> io::Result<()>;
+
+    /// Begins a file that is written piece by piece.
+    fn create(&mut self, name: ArtifactName) -> io::Result<Box<dyn ArtifactWriter>>;
+}
+
+/// A file on its way. Dropped before [`Self::finish`], it leaves nothing.
+pub trait ArtifactWriter: io::Write + Send {
+    /// All is written.
+    fn finish(self: Box<Self>) -> io::Result<()>;
 }
 
 #[cfg(test)]

@@ -1,25 +1,22 @@
-use std::io::{Cursor, Write};
+use std::io::Write;
 
-use zip::write::SimpleFileOptions;
+use zip::write::{SimpleFileOptions, StreamWriter};
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
 use super::artifact::Artifact;
 use super::png::EncodeError;
 
-/// A zip archive that grows artifact by artifact. It holds no clock time, so the
-/// same artifacts in the same order are the same bytes.
-#[derive(Debug)]
-pub struct Bundle {
-    writer: ZipWriter<Cursor<Vec<u8>>>,
+/// A zip archive that grows artifact by artifact, written as it grows. It holds
+/// no clock time, so the same artifacts in the same order are the same bytes.
+pub struct Bundle<W: Write> {
+    writer: ZipWriter<StreamWriter<W>>,
 }
 
-impl Default for Bundle {
-    fn default() -> Self {
-        Self { writer: ZipWriter::new(Cursor::new(Vec::new())) }
+impl<W: Write> Bundle<W> {
+    pub fn new(inner: W) -> Self {
+        Self { writer: ZipWriter::new_stream(inner) }
     }
-}
 
-impl Bundle {
     /// Adds a file; pictures, which are compressed already, are stored.
     pub fn add(&mut self, artifact: &Artifact) -> Result<(), EncodeError> {
         let options = SimpleFileOptions::default()
@@ -40,10 +37,10 @@ impl Bundle {
             .map_err(|error| EncodeError::new("the bundle", error))
     }
 
-    /// The archive's bytes.
-    pub fn finish(self) -> Result<Vec<u8>, EncodeError> {
-        let cursor = self.writer.finish().map_err(|error| EncodeError::new("the bundle", error))?;
-        Ok(cursor.into_inner())
+    /// Writes the directory; returns what was written to.
+    pub fn finish(self) -> Result<W, EncodeError> {
+        let stream = self.writer.finish().map_err(|error| EncodeError::new("the bundle", error))?;
+        Ok(stream.into_inner())
     }
 }
 
@@ -51,10 +48,10 @@ impl Bundle {
 mod tests {
     use super::*;
     use crate::export::ArtifactName;
-    use std::io::Read;
+    use std::io::{Cursor, Read};
 
     fn bundle() -> Vec<u8> {
-        let mut bundle = Bundle::default();
+        let mut bundle = Bundle::new(Vec::new());
         bundle.add(&Artifact::new(ArtifactName::Metrics, b"{}".to_vec())).unwrap();
         bundle.add(&Artifact::new(ArtifactName::Thumbnail, vec![7; 1000])).unwrap();
         bundle.finish().unwrap()

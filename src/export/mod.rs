@@ -15,7 +15,10 @@ mod thumbnail;
 mod turntable_glb;
 mod turntable_obj;
 
-pub use artifact::{Artifact, ArtifactName, PFM_MEDIA_TYPE, PairArtifact, ViewArtifact};
+pub use artifact::{
+    Artifact, ArtifactName, ArtifactSink, ArtifactWriter, PFM_MEDIA_TYPE, PairArtifact,
+    ViewArtifact,
+};
 pub use bundle::Bundle;
 pub use frame::ExportFrame;
 pub use glb::{MeshExtras, glb};

@@ -74,13 +74,18 @@ pub fn probe_map(
 ) -> Result<FloatImage, PairFailure> {
     let [left, right] =
         rectified_pair(drawings, rectification).map_err(RectificationError::from)?;
-    let (map, rectified_from_view) = match side {
-        Side::Left => {
-            (vision::left_disparity(&left, &right, options)?, &rectification.rectified_from_left)
+    let map = match side {
+        // Fusing takes both directions.
+        _ if !options.block_sizes.is_empty() => {
+            let [of_left, of_right] = vision::disparity_maps(&left, &right, options)?;
+            if side == Side::Left { of_left } else { of_right }
         }
-        Side::Right => {
-            (vision::right_disparity(&left, &right, options)?, &rectification.rectified_from_right)
-        }
+        Side::Left => vision::left_disparity(&left, &right, options)?,
+        Side::Right => vision::right_disparity(&left, &right, options)?,
+    };
+    let rectified_from_view = match side {
+        Side::Left => &rectification.rectified_from_left,
+        Side::Right => &rectification.rectified_from_right,
     };
     Ok(vision::derectify(&map, rectified_from_view)?)
 }

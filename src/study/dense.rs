@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::input::StudySheet;
+use super::protocol::Blocks;
 use crate::evaluation::{ViewReport, disparity_from_depth, disparity_from_pairs, evaluate_view};
 use crate::float_image::FloatImage;
 use crate::options::{DisparityOptions, Options};
@@ -136,32 +137,31 @@ pub(super) fn rectify_all<'a>(
     sheets.map(|sheet| RectifiedSheet::new(sheet, options)).collect()
 }
 
-/// The mean map of one sheet at one block size.
+/// The mean map of one sheet at one block size, or of several fused.
 pub(super) struct BlockRow {
-    pub block_size: i32,
+    pub blocks: Blocks,
     /// Index of the sheet.
     pub sheet: usize,
     pub report: Result<ViewReport, String>,
 }
 
-/// Figure 4.6: the mean map over block sizes, by block size and sheet.
+/// Figure 4.6: the mean map over block sizes, by setting and sheet.
 pub(super) fn sweep_blocks(
     sheets: &[RectifiedSheet<'_>],
     options: &DisparityOptions,
-    block_sizes: &[i32],
+    settings: &[Blocks],
     on_unit: &(dyn Fn() + Sync),
 ) -> Vec<BlockRow> {
-    (0..block_sizes.len() * sheets.len())
+    (0..settings.len() * sheets.len())
         .into_par_iter()
         .with_max_len(1)
         .map(|index| {
-            let (block_size, sheet) = (block_sizes[index / sheets.len()], index % sheets.len());
-            let options = DisparityOptions { block_size, ..options.clone() };
+            let (blocks, sheet) = (&settings[index / sheets.len()], index % sheets.len());
             let rectified = &sheets[sheet];
-            let maps = rectified.maps(&options);
+            let maps = rectified.maps(&blocks.options(options));
             let report = maps.and_then(|maps| rectified.evaluate(Map::Mean, &maps));
             on_unit();
-            BlockRow { block_size, sheet, report }
+            BlockRow { blocks: blocks.clone(), sheet, report }
         })
         .collect()
 }

@@ -1,7 +1,7 @@
 //! Rows of the study's tables, published figures beside ours.
 
 use super::dense::{Bad2, DepthReports};
-use super::protocol::{descriptor_name, detector_name};
+use super::protocol::{Blocks, descriptor_name, detector_name};
 use super::published::{
     FIGURE_4_8, PublishedFeatures, PublishedSheet, TABLE_4_2, TABLE_4_4, TABLE_4_7,
 };
@@ -10,6 +10,32 @@ use super::run::{BestTry, Search, Study};
 use super::sparse::{Metric, Sweep};
 use super::table::{Cell, Table};
 use crate::evaluation::{ViewReport, mean};
+
+/// Which of two figures is the better one.
+#[derive(Clone, Copy)]
+enum Best {
+    Most,
+    Least,
+}
+
+impl Best {
+    fn better(self, a: f64, b: f64) -> bool {
+        match self {
+            Self::Most => a > b,
+            Self::Least => a < b,
+        }
+    }
+}
+
+/// What is told of maps by block size.
+type BlockFigure = (&'static str, Best, fn(&ViewReport) -> Option<f64>);
+
+const BLOCK_FIGURES: [BlockFigure; 4] = [
+    ("correlation", Best::Most, |report| report.correlation),
+    ("bad2.0 px", Best::Least, |report| Bad2::Px.of(report)),
+    ("bad2.0 grey", Best::Least, |report| Bad2::Grey.of(report)),
+    ("bad2.0 grey as listed", Best::Least, |report| Bad2::GreyListed.of(report)),
+];
 
 /// The dissertation's sheet for tables 4.1 to 4.4.
 pub(super) const DUDE: &str = "dude";
@@ -102,7 +128,7 @@ impl Study {
         let mut table = Table::new(columns);
         for row in &self.blocks {
             let sheet = self.sheets[row.sheet].0.as_str();
-            let mut cells = vec![row.block_size.into(), sheet.into()];
+            let mut cells = vec![row.blocks.name().into(), sheet.into()];
             cells.extend(view_cells(row.report.as_ref().ok()));
             cells.push(row.report.as_ref().err().cloned().into());
             table.push(cells);
@@ -111,49 +137,72 @@ impl Study {
     }
 
     /// Figure 4.6: a figure of the dude, or the mean of all sheets that have
-    /// it, by block size.
+    /// it, under one setting.
+    fn block_figure(
+        &self,
+        blocks: &Blocks,
+        dude_only: bool,
+        figure: &dyn Fn(&ViewReport) -> Option<f64>,
+    ) -> Option<f64> {
+        let rows = self.blocks.iter().filter(|row| row.blocks == *blocks);
+        let rows = rows.filter(|row| !dude_only || Some(row.sheet) == self.dude());
+        mean(rows.filter_map(|row| figure(row.report.as_ref().ok()?)))
+    }
+
+    /// Figure 4.6's curve, by single block size.
     pub(super) fn by_block(
         &self,
         dude_only: bool,
         figure: &dyn Fn(&ViewReport) -> Option<f64>,
     ) -> Vec<(f64, f64)> {
-        let of_size = |&size: &i32| {
-            let rows = self.blocks.iter().filter(|row| row.block_size == size);
-            let rows = rows.filter(|row| !dude_only || Some(row.sheet) == self.dude());
-            let values = rows.filter_map(|row| figure(row.report.as_ref().ok()?));
-            Some((f64::from(size), mean(values)?))
+        let point = |blocks: &Blocks| {
+            let value = self.block_figure(blocks, dude_only, figure)?;
+            Some((f64::from(blocks.single()?), value))
         };
-        self.protocol.block_sizes.iter().filter_map(of_size).collect()
+        self.protocol.blocks().iter().filter_map(point).collect()
     }
 
-    /// Figure 4.6 in short.
+    /// Figure 4.6 in short, fused block sizes last.
     pub(super) fn block_means(&self) -> Table {
-        let mut table = Table::new([
-            "block size",
-            "correlation, dude",
-            "correlation, mean",
-            "bad2.0 px, dude",
-            "bad2.0 px, mean",
-            "bad2.0 grey, dude",
-            "bad2.0 grey, mean",
-            "bad2.0 grey as listed, dude",
-            "bad2.0 grey as listed, mean",
-        ]);
-        type Figure<'a> = &'a dyn Fn(&ViewReport) -> Option<f64>;
-        let figures: [Figure<'_>; 4] = [
-            &|report| report.correlation,
-            &|report| Bad2::Px.of(report),
-            &|report| Bad2::Grey.of(report),
-            &|report| Bad2::GreyListed.of(report),
-        ];
-        let series =
-            figures.map(|figure| [self.by_block(true, figure), self.by_block(false, figure)]);
-        for &size in &self.protocol.block_sizes {
-            let at = |points: &Vec<(f64, f64)>| {
-                points.iter().find(|(x, _)| *x == f64::from(size)).map(|(_, y)| *y)
-            };
-            let values = series.iter().flatten().map(|points| Cell::from(at(points)));
-            table.push(std::iter::once(size.into()).chain(values).collect());
+        let names = BLOCK_FIGURES
+            .map(|(name, _, _)| ["dude", "mean"].map(|of| format!("{name}, {of}")))
+            .into_iter()
+            .flatten();
+        let mut table = Table::new(std::iter::once("block size".to_owned()).chain(names));
+        for blocks in self.protocol.blocks() {
+            let mut cells: Vec<Cell> = vec![blocks.name().into()];
+            for (_, _, figure) in BLOCK_FIGURES {
+                let of = |dude_only| self.block_figure(&blocks, dude_only, &figure);
+                cells.extend([of(true).into(), of(false).into()]);
+            }
+            table.push(cells);
+        }
+        table
+    }
+
+    /// Means over the sheets: the best single block size, and the fused ones.
+    pub(super) fn fusion_table(&self) -> Table {
+        let fusions = self.protocol.blocks().into_iter().filter(|it| it.single().is_none());
+        let fusions: Vec<Blocks> = fusions.collect();
+        let head = ["figure", "best single block", "its mean"].map(str::to_owned);
+        let fused = fusions.iter().flat_map(|it| [it.name(), format!("{} is better", it.name())]);
+        let mut table = Table::new(head.into_iter().chain(fused));
+        for (name, best, figure) in BLOCK_FIGURES {
+            let better = |a: f64, b: f64| best.better(a, b);
+            let single = self.by_block(false, &figure).into_iter();
+            let single = single.reduce(|a, b| if better(b.1, a.1) { b } else { a });
+            let mut cells: Vec<Cell> = vec![
+                name.into(),
+                single.map(|(size, _)| size.to_string()).into(),
+                single.map(|(_, value)| value).into(),
+            ];
+            for blocks in &fusions {
+                let value = self.block_figure(blocks, false, &figure);
+                cells.push(value.into());
+                let verdict = value.zip(single).map(|(value, (_, single))| better(value, single));
+                cells.push(verdict.map(|yes| if yes { "yes" } else { "no" }.to_owned()).into());
+            }
+            table.push(cells);
         }
         table
     }

@@ -1,4 +1,4 @@
-use crate::options::{Descriptor, Detector, Options};
+use crate::options::{Descriptor, Detector, DisparityOptions, Options};
 use crate::pipeline::DisparityGrid;
 
 /// What is varied, and over which values.
@@ -14,6 +14,8 @@ pub struct Protocol {
     pub confidences: Vec<f64>,
     /// Figure 4.6, px.
     pub block_sizes: Vec<i32>,
+    /// Block sizes whose maps are fused, beside figure 4.6's single ones, px.
+    pub fusions: Vec<Vec<i32>>,
     /// Tables 4.7 and 4.8.
     pub grid: DisparityGrid,
 }
@@ -27,7 +29,43 @@ impl Default for Protocol {
             thresholds_px: vec![0.1, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0],
             confidences: vec![0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99, 0.999],
             block_sizes: grid.block_sizes.clone(),
+            fusions: vec![vec![9, 21, 51], vec![15, 21, 37, 51]],
             grid,
+        }
+    }
+}
+
+impl Protocol {
+    /// Figure 4.6's settings: the single block sizes, then the fused ones.
+    pub(super) fn blocks(&self) -> Vec<Blocks> {
+        let single = self.block_sizes.iter().map(|&size| Blocks(vec![size]));
+        single.chain(self.fusions.iter().cloned().map(Blocks)).collect()
+    }
+}
+
+/// One block size, or several whose maps are fused; px.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Blocks(pub Vec<i32>);
+
+impl Blocks {
+    pub fn single(&self) -> Option<i32> {
+        match self.0[..] {
+            [size] => Some(size),
+            _ => None,
+        }
+    }
+
+    /// Such as `9+21+51`.
+    pub fn name(&self) -> String {
+        self.0.iter().map(i32::to_string).collect::<Vec<_>>().join("+")
+    }
+
+    pub fn options(&self, base: &DisparityOptions) -> DisparityOptions {
+        match self.single() {
+            Some(block_size) => {
+                DisparityOptions { block_size, block_sizes: Vec::new(), ..base.clone() }
+            }
+            None => DisparityOptions { block_sizes: self.0.clone(), ..base.clone() },
         }
     }
 }

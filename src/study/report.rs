@@ -35,6 +35,8 @@ fn write_report(study: &Study, text: &mut String) -> std::fmt::Result {
     writeln!(text, "\n![figure 4.3b](figure_4_3b.svg)")?;
     section(text, "Figure 4.6: the mean map by block size", &study.block_means())?;
     writeln!(text, "\n![figure 4.6](figure_4_6.svg)")?;
+    let title = "Fusion against the best single block size, means of the sheets";
+    section(text, title, &study.fusion_table())?;
     section(text, "Figure 4.8: left map, right map and their mean", &study.map_table())?;
     writeln!(text, "\n![figure 4.8](figure_4_8.svg)")?;
     section(text, "Depth of the mean maps, by both relations", &study.depth_table())?;

@@ -68,7 +68,7 @@ pub fn units(protocol: &Protocol, sheets: usize, wider: usize) -> usize {
         + 2
         + protocol.thresholds_px.len()
         + protocol.confidences.len()
-        + protocol.block_sizes.len()
+        + protocol.blocks().len()
         + 1;
     let grid = protocol.grid.block_sizes.len() * protocol.grid.min_disparities_px.len();
     settings * sheets + grid * (sheets + wider)
@@ -89,7 +89,7 @@ impl Study {
         let base = &protocol.base;
         let rectified = rectify_all(sheets, base);
         let wide = rectify_all(wider, base);
-        let blocks = sweep_blocks(&rectified, &base.disparity, &protocol.block_sizes, on_unit);
+        let blocks = sweep_blocks(&rectified, &base.disparity, &protocol.blocks(), on_unit);
         let maps = rectified
             .par_iter()
             .with_max_len(1)
@@ -260,6 +260,7 @@ mod tests {
             thresholds_px: vec![1.0, 2.0],
             confidences: vec![0.9, 0.99],
             block_sizes: vec![5, 15],
+            fusions: vec![vec![5, 15]],
             grid: DisparityGrid { min_disparities_px: vec![0, -8], block_sizes: vec![15] },
         }
     }
@@ -287,7 +288,7 @@ mod tests {
         assert_eq!(rows("table_4_2.csv"), 3);
         assert_eq!(rows("table_4_2_pairs.csv"), 3 * 2 * 2);
         assert_eq!(rows("table_4_4_pairs.csv"), 2 * 2 * 2);
-        assert_eq!(rows("figure_4_6.csv"), 2 * 2);
+        assert_eq!(rows("figure_4_6.csv"), 3 * 2);
         assert_eq!(rows("figure_4_8.csv"), 2 * 3);
         // Three readings of bad2.0 on three sheets, and two points of the grid.
         assert_eq!(rows("table_4_7.csv"), 3 * 3);
@@ -298,6 +299,19 @@ mod tests {
         assert_eq!(pairs.lines().filter(refused).count(), 4);
         assert!(pairs.lines().any(|l| l.starts_with("Harris,ORB,blank") && l.contains("at least")));
         let report = named(&files, "report.md");
+        // A fused map is not that of the base's single block size.
+        let drawn: Vec<_> = named(&files, "figure_4_6.csv")
+            .lines()
+            .filter(|line| line.contains(",dude,"))
+            .map(|line| line.split_once(",dude,").unwrap().1.to_owned())
+            .collect();
+        assert!(drawn[2] != drawn[0] && drawn[2] != drawn[1], "{drawn:?}");
+        let base = DisparityOptions::default().block_size;
+        assert!(!small().block_sizes.contains(&base));
+        let alone = Protocol { block_sizes: vec![base], fusions: Vec::new(), ..small() };
+        let alone = Study::run(&sheets, &[], &alone, &|| ()).files().unwrap();
+        assert!(!named(&alone, "figure_4_6.csv").contains(&drawn[2]));
+        assert!(report.contains("| 5+15 |") && report.contains("Fusion against"), "{report}");
         assert!(report.contains("2 of 2") && report.contains("rank correlation"), "{report}");
         for file in &files {
             assert!(!file.text.is_empty(), "{} is empty", file.name);

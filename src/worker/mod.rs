@@ -18,6 +18,7 @@ mod work;
 pub use config::WorkerConfig;
 pub use keeper::{CollectError, Collected, collect};
 pub use pool::Pool;
+pub use uploads::Upload;
 pub use work::{Attempt, Work, WorkError};
 
 use pool::Shared;

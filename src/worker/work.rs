@@ -1,12 +1,13 @@
 use std::io;
 use std::sync::Mutex;
 
+use bytes::Bytes;
 use serde_json::Value;
 use tokio::runtime::Handle;
 use tokio::sync::watch;
 
 use super::signal::Signal;
-use super::uploads::Uploads;
+use super::uploads::{Upload, Uploads};
 use crate::artifacts::{ByteStore, Key};
 use crate::jobs::{Failure, Job};
 
@@ -78,8 +79,17 @@ impl Attempt<'_> {
     /// # Errors
     /// `AlreadyExists` if the attempt has emitted this name; `InvalidInput` if
     /// it can't be stored under it.
-    pub fn emit(&self, name: &str, media_type: &str, bytes: Vec<u8>) -> io::Result<()> {
-        self.uploads.add(name, media_type, bytes)
+    pub fn emit(&self, name: &str, media_type: &str, bytes: impl Into<Bytes>) -> io::Result<()> {
+        self.uploads.add(name, media_type, bytes.into())
+    }
+
+    /// Begins an artifact that is written piece by piece: hashed and stored as
+    /// it grows.
+    ///
+    /// # Errors
+    /// As [`Self::emit`].
+    pub fn create(&self, name: &str, media_type: &str) -> io::Result<Upload> {
+        self.uploads.create(name, media_type)
     }
 
     /// Reports progress, quickly: it is written when there is time, the latest

@@ -199,7 +199,7 @@ fn drawn_here(azimuths_deg: &[f64]) -> Files {
     let options = DrawOptions { width_px: 96, height_px: 54, ..DrawOptions::default() };
     let mut files = Files::new();
     let mut keep = |file: turnaround::export::Artifact| -> Result<(), DrawError> {
-        files.insert(file.name, file.bytes);
+        files.insert(file.name, file.bytes.into());
         Ok(())
     };
     let progress = |_| ControlFlow::Continue(());

@@ -7,11 +7,11 @@ use rayon::ThreadPoolBuilder;
 use serde::Deserialize;
 use serde_json::json;
 
+use super::sink::AttemptSink;
 use crate::draft::Carrier;
 use crate::draw::{
     DRAWING, DrawError, DrawPayload, ModelSource, PreparedModel, SheetLimits, draw_sheet,
 };
-use crate::export::{Artifact, ArtifactName, EncodeError};
 use crate::jobs::Failure;
 use crate::model_io::{Limits, Model, ModelError};
 use crate::sheet::Azimuth;
@@ -41,10 +41,9 @@ impl Work for Draw {
         let progress = |done: usize| report(attempt, done, azimuths.len());
         let pool = ThreadPoolBuilder::new().num_threads(attempt.threads().max(1)).build();
         let pool = pool.map_err(|error| WorkError::Broken(error.to_string()))?;
-        let mut store =
-            |artifact: Artifact| attempt.emit(&artifact.name, artifact.media_type, artifact.bytes);
+        let mut sink = AttemptSink(attempt);
         thread::scope(|scope| {
-            let carrier = Carrier::start(scope, &mut store);
+            let carrier = Carrier::start(scope, &mut sink);
             let mut keep = |artifact| {
                 let stopped = || WorkError::Broken("files are taken no more".to_owned());
                 carrier.send(artifact).then_some(()).ok_or_else(stopped)
@@ -53,9 +52,8 @@ impl Work for Draw {
                 draw_sheet(&model, &azimuths, &payload.options, &self.sheet, &progress, &mut keep)
             });
             // Why files are taken no more, if so.
-            let (bundle, store) = carrier.finish()?;
-            drawn?;
-            Ok(store(Artifact::new(ArtifactName::Bundle, bundle.finish()?))?)
+            carrier.finish()?;
+            drawn
         })
     }
 }
@@ -91,12 +89,6 @@ impl From<DrawError> for WorkError {
 impl From<ModelError> for WorkError {
     fn from(error: ModelError) -> Self {
         Self::Input(Failure { code: "invalid_model".to_owned(), detail: error.to_string() })
-    }
-}
-
-impl From<EncodeError> for WorkError {
-    fn from(error: EncodeError) -> Self {
-        Self::Broken(error.to_string())
     }
 }
 

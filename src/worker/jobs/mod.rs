@@ -2,6 +2,7 @@
 
 mod draw;
 mod reconstruct;
+mod sink;
 
 pub use draw::Draw;
 pub use reconstruct::Reconstruct;

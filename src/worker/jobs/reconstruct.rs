@@ -1,5 +1,6 @@
 use serde::Deserialize;
 
+use super::sink::AttemptSink;
 use crate::draft::{self, DraftError};
 use crate::jobs::Failure;
 use crate::pipeline::{Observer, Progress};
@@ -27,7 +28,7 @@ impl Work for Reconstruct {
             &self.limits,
             attempt.threads(),
             &Watch(attempt),
-            &mut |artifact| attempt.emit(&artifact.name, artifact.media_type, artifact.bytes),
+            &mut AttemptSink(attempt),
         )?;
         Ok(())
     }
