@@ -199,8 +199,8 @@ impl Blocks {
         screen.iter_mut().for_each(|weight| *weight += 1e-6);
         let positions: Vec<(u32, u32)> =
             inside.iter().map(|&cell| self.positions[cell as usize]).collect();
-        let mut solution = vec![0.0; inside.len()];
-        Hierarchy::new(&positions, links).operator(screen).solve(&right, &mut solution, 3e-3, 30);
+        let hierarchy = Hierarchy::new(&positions, links);
+        let solution = hierarchy.operator(&screen).solve(&right, None, 1e-3, 30);
         let mut depth = vec![f32::NAN; self.positions.len()];
         for (index, &cell) in inside.iter().enumerate() {
             if has_data[labels[index] as usize] {

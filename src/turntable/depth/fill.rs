@@ -49,13 +49,15 @@ pub struct Fill<'a> {
     bulge_px: Vec<f32>,
     /// Per node: the lines' weight and weighted depth.
     lines: Vec<(f32, f32)>,
-    membrane: Vec<f32>,
+    /// The lines' mean depth, px, where nothing tells.
+    level_px: f32,
+    membrane: Option<Vec<f32>>,
     /// Links to the right that are not cut.
     right_links: Vec<(u32, u32)>,
     /// Per node: on a contour, where the bulge has the right slope.
     on_contour: Vec<bool>,
     /// How much steeper, per column, the surface is than membrane and bulge.
-    tilt: Vec<f32>,
+    tilt: Option<Vec<f32>>,
 }
 
 impl<'a> Fill<'a> {
@@ -88,7 +90,7 @@ impl<'a> Fill<'a> {
         let (count, sum) = known.fold((0.0_f64, 0.0_f64), |(count, sum), &(weight, weighted)| {
             (count + 1.0, sum + f64::from(weighted / weight))
         });
-        let start = if count > 0.0 { (sum / count) as f32 } else { 0.0 };
+        let level_px = if count > 0.0 { (sum / count) as f32 } else { 0.0 };
         let same_row = |link: &&Link| {
             let row = |node: u32| graph.positions[node as usize].1;
             row(link.a) == row(link.b) && link.weight > LEAK
@@ -100,8 +102,9 @@ impl<'a> Fill<'a> {
             }
         }
         Self {
-            membrane: vec![start; graph.nodes()],
-            tilt: vec![0.0; graph.nodes()],
+            level_px,
+            membrane: None,
+            tilt: None,
             right_links: links.iter().filter(same_row).map(|link| (link.a, link.b)).collect(),
             on_contour,
             graph,
@@ -112,7 +115,7 @@ impl<'a> Fill<'a> {
     }
 
     /// Spreads the difference between known slopes and the bulge's.
-    fn spread_tilt(&mut self, hints: &[Hint]) {
+    fn spread_tilt(&self, hints: &[Hint]) -> Vec<f32> {
         const TILT_WEIGHT: f32 = 0.5;
         const TILT_PRIOR: f32 = 1e-5;
         const MAX_TILT: f32 = 3.0;
@@ -137,7 +140,7 @@ impl<'a> Fill<'a> {
                 right[node] += TILT_WEIGHT * tilt;
             }
         }
-        self.hierarchy.operator(screen).solve(&right, &mut self.tilt, 5e-3, 20);
+        self.hierarchy.operator(&screen).solve(&right, self.tilt.as_deref(), 5e-3, 20)
     }
 
     /// Per node the weight of line depths on it.
@@ -149,7 +152,7 @@ impl<'a> Fill<'a> {
     pub fn solve(&mut self, hints: &[Hint]) -> Vec<f32> {
         const ANCHOR: f32 = 1e-7;
         let mut screen = vec![ANCHOR; self.graph.nodes()];
-        let mut right: Vec<f32> = self.membrane.iter().map(|start| ANCHOR * start).collect();
+        let mut right = vec![ANCHOR * self.level_px; self.graph.nodes()];
         for (node, &(weight, sum)) in self.lines.iter().enumerate() {
             screen[node] += LINE_WEIGHT * weight;
             right[node] += LINE_WEIGHT * (sum + weight * self.bulge_px[node]);
@@ -159,15 +162,19 @@ impl<'a> Fill<'a> {
             right[node] += hint.weight * (hint.depth_px + self.bulge_px[node]);
         }
         if hints.iter().any(|hint| hint.slope.is_some()) {
-            self.spread_tilt(hints);
+            let tilt = self.spread_tilt(hints);
             for &(a, b) in &self.right_links {
-                let tilt = f32::midpoint(self.tilt[a as usize], self.tilt[b as usize]);
+                let tilt = f32::midpoint(tilt[a as usize], tilt[b as usize]);
                 right[a as usize] -= tilt;
                 right[b as usize] += tilt;
             }
+            self.tilt = Some(tilt);
         }
-        self.hierarchy.operator(screen).solve(&right, &mut self.membrane, 2e-4, 40);
-        self.membrane.iter().zip(&self.bulge_px).map(|(r, w)| r - w).collect()
+        let operator = self.hierarchy.operator(&screen);
+        let membrane = operator.solve(&right, self.membrane.as_deref(), 1e-4, 40);
+        let depth = membrane.iter().zip(&self.bulge_px).map(|(r, w)| r - w).collect();
+        self.membrane = Some(membrane);
+        depth
     }
 }
 
@@ -221,12 +228,10 @@ fn inflation(
     for (label, is_fixed) in labels.iter().zip(&mut fixed) {
         *is_fixed |= !bounded[*label as usize];
     }
-    let screen = fixed.iter().map(|&is| if is { FIXED } else { 1e-7 }).collect();
+    let screen: Vec<f32> = fixed.iter().map(|&is| if is { FIXED } else { 1e-7 }).collect();
     let right: Vec<f32> = fixed.iter().map(|&is| if is { 0.0 } else { 2.0 }).collect();
-    let mut base = vec![0.0; graph.nodes()];
     let hierarchy = Hierarchy::new(&graph.positions, links);
-    hierarchy.operator(screen).solve(&right, &mut base, 1e-3, 60);
-    base
+    hierarchy.operator(&screen).solve(&right, None, 1e-3, 60)
 }
 
 /// The outer half of the outline's stroke is not surface.
@@ -276,12 +281,10 @@ fn strength(
             Curvature { rho, sigma: lines.rho_sigma_px[index], straight: straight[index] };
         (!rho.is_nan() && end > 2.0).then(|| (curvature.bulge(rise), 1.0))
     });
-    let screen = known.iter().map(|(weight, _)| BULGE_WEIGHT * weight + 1e-6).collect();
+    let screen: Vec<f32> = known.iter().map(|(weight, _)| BULGE_WEIGHT * weight + 1e-6).collect();
     let right: Vec<f32> =
         known.iter().map(|(_, sum)| BULGE_WEIGHT * sum + 1e-6 * PRIOR_BULGE as f32).collect();
-    let mut strength = vec![PRIOR_BULGE as f32; graph.nodes()];
-    hierarchy.operator(screen).solve(&right, &mut strength, 1e-3, 40);
-    strength
+    hierarchy.operator(&screen).solve(&right, None, 1e-3, 40)
 }
 
 /// How steeply `u` rises from a contour into its owner, and its value 4 px in.

@@ -62,6 +62,15 @@ fn runs(row: &[u8]) -> impl Iterator<Item = (usize, usize)> + '_ {
     })
 }
 
+/// Another view's row: the columns that its silhouette covers, and sine and
+/// cosine of its azimuth from the view whose depth is asked for.
+#[derive(Clone, Copy)]
+struct OtherRow<'a> {
+    runs: &'a [(f32, f32)],
+    sine: f32,
+    cosine: f32,
+}
+
 /// Intersects the depth intervals that the other views allow.
 ///
 /// * `others`: rows of every other view and its azimuth from this one, radians.
@@ -75,37 +84,88 @@ pub fn hull_depth(
     const MIN_SINE: f64 = 0.02;
     let mask = silhouette.mask();
     let width = mask.width() as usize;
-    let axis = width as f32 / 2.0;
-    let angles: Vec<(&GrownRows, f32, f32)> = others
-        .iter()
-        .filter(|(_, angle)| angle.sin().abs() > MIN_SINE)
-        .map(|&(rows, angle)| (rows, angle.sin() as f32, angle.cos() as f32))
-        .collect();
+    let bounding: Vec<_> =
+        others.iter().filter(|(_, angle)| angle.sin().abs() > MIN_SINE).collect();
     let mut near_px = vec![f32::NAN; mask.as_raw().len()];
     let mut far_px = near_px.clone();
-    let (mut allowed, mut next) = (Vec::new(), Vec::new());
-    for (index, _) in mask.as_raw().iter().enumerate().filter(|(_, level)| **level != 0) {
-        let (x, y) = ((index % width) as f32 + 0.5 - axis, index / width);
-        allowed.clear();
-        allowed.push((-reach_px, reach_px));
-        for &(rows, sine, cosine) in &angles {
-            intersect(&allowed, &rows.rows[y], (x * cosine, sine), &mut next);
-            std::mem::swap(&mut allowed, &mut next);
-            if allowed.is_empty() {
-                break;
+    let mut row = HullRow::default();
+    for (y, levels) in mask.as_raw().chunks_exact(width).enumerate() {
+        let others = bounding.iter().map(|(rows, angle)| OtherRow {
+            runs: &rows.rows[y],
+            sine: angle.sin() as f32,
+            cosine: angle.cos() as f32,
+        });
+        let others: Vec<OtherRow<'_>> = others.collect();
+        let (first, last) =
+            (levels.iter().position(|&l| l != 0), levels.iter().rposition(|&l| l != 0));
+        let (Some(first), Some(last)) = (first, last) else { continue };
+        row.intersect(first as f32 + 0.5 - width as f32 / 2.0, last + 1 - first, &others, reach_px);
+        for (k, level) in levels[first..=last].iter().enumerate() {
+            if *level != 0 && row.near[k] < row.far[k] {
+                near_px[y * width + first + k] = row.near[k];
+                far_px[y * width + first + k] = row.far[k];
             }
-        }
-        if let (Some(first), Some(last)) = (allowed.first(), allowed.last()) {
-            near_px[index] = first.0;
-            far_px[index] = last.1;
         }
     }
     HullDepth { near_px, far_px }
 }
 
+/// The depth intervals of a row's pixels.
+#[derive(Default)]
+struct HullRow {
+    near: Vec<f32>,
+    far: Vec<f32>,
+    allowed: Vec<(f32, f32)>,
+    next: Vec<(f32, f32)>,
+}
+
+impl HullRow {
+    /// * `first_px`: from the axis to the middle of the first of `pixels`.
+    fn intersect(&mut self, first_px: f32, pixels: usize, others: &[OtherRow<'_>], reach_px: f32) {
+        self.near.clear();
+        self.near.resize(pixels, -reach_px);
+        self.far.clear();
+        self.far.resize(pixels, reach_px);
+        for other in others {
+            match other.runs {
+                [] => self.far.fill(f32::NEG_INFINITY),
+                &[run] => self.clip(first_px, other, run),
+                _ => {}
+            }
+        }
+        let split: Vec<_> = others.iter().filter(|other| other.runs.len() > 1).collect();
+        if split.is_empty() {
+            return;
+        }
+        for k in 0..pixels {
+            self.allowed.clear();
+            self.allowed.push((self.near[k], self.far[k]));
+            for other in &split {
+                let shift = (first_px + k as f32) * other.cosine;
+                cut_down(&self.allowed, other.runs, (shift, other.sine), &mut self.next);
+                std::mem::swap(&mut self.allowed, &mut self.next);
+            }
+            let bounds = self.allowed.first().zip(self.allowed.last());
+            (self.near[k], self.far[k]) =
+                bounds.map_or((0.0, f32::NEG_INFINITY), |(first, last)| (first.0, last.1));
+        }
+    }
+
+    /// Clips to a view with one run.
+    fn clip(&mut self, first_px: f32, other: &OtherRow<'_>, (left, right): (f32, f32)) {
+        let (low, high) = if other.sine > 0.0 { (left, right) } else { (right, left) };
+        let per_sine = 1.0 / other.sine;
+        for (k, (near, far)) in self.near.iter_mut().zip(&mut self.far).enumerate() {
+            let shift = (first_px + k as f32) * other.cosine;
+            *near = near.max((low - shift) * per_sine);
+            *far = far.min((high - shift) * per_sine);
+        }
+    }
+}
+
 /// Cuts `allowed` depths down to those whose column in another view is in one
 /// of its `runs`.
-fn intersect(
+fn cut_down(
     allowed: &[(f32, f32)],
     runs: &[(f32, f32)],
     (shift, sine): (f32, f32),
@@ -125,5 +185,38 @@ fn intersect(
         runs.iter().for_each(&mut clip);
     } else {
         runs.iter().rev().for_each(&mut clip);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_run_clips_as_several_do() {
+        // A body 20 wide, in one run and in two that meet.
+        let (whole, halves) = ([(-10.0, 10.0)], [(-10.0, 2.0), (2.0, 10.0)]);
+        for angle in [0.3_f32, 1.2, -0.7, 2.5] {
+            let (sine, cosine) = angle.sin_cos();
+            let bounds = |runs: &[(f32, f32)]| {
+                let mut row = HullRow::default();
+                row.intersect(-7.5, 15, &[OtherRow { runs, sine, cosine }], 40.0);
+                (row.near, row.far)
+            };
+            let (one, two) = (bounds(&whole), bounds(&halves));
+            for k in 0..15 {
+                assert!((one.0[k] - two.0[k]).abs() < 1e-4 && (one.1[k] - two.1[k]).abs() < 1e-4);
+                let depth = (one.0[k] + one.1[k]) / 2.0;
+                let column = (k as f32 - 7.5) * cosine + depth * sine;
+                assert!(column.abs() <= 10.0, "{column}");
+            }
+        }
+    }
+
+    #[test]
+    fn nothing_is_left_where_another_view_is_empty() {
+        let mut row = HullRow::default();
+        row.intersect(0.0, 3, &[OtherRow { runs: &[], sine: 1.0, cosine: 0.0 }], 40.0);
+        assert!(row.near.iter().zip(&row.far).all(|(near, far)| near >= far));
     }
 }
