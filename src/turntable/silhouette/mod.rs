@@ -1,5 +1,6 @@
 //! The area that the subject covers in each view.
 
+mod bridges;
 mod edges;
 mod fill;
 mod opposite;
@@ -37,6 +38,8 @@ pub struct Silhouette {
     mask: GrayImage,
     source: SilhouetteSource,
     half_line_px: f64,
+    /// Pixels that close gaps in the drawing's lines.
+    bridges: Vec<usize>,
     /// Per row, the subject's runs as column intervals in the sheet frame, px.
     intervals: Vec<Vec<(f64, f64)>>,
 }
@@ -63,16 +66,18 @@ impl Silhouette {
     /// [`SilhouetteError`] if nothing, or everything, is inside.
     pub fn of_view(view: &View, options: &SilhouetteOptions) -> Result<Self, SilhouetteError> {
         let ink = InkMap::from_image(&view.image);
+        let bridges = bridges::bridges(&ink, options.max_gap_px);
         let (mask, source) = match &view.mask {
             Some(mask) => (fill::binarised(mask), SilhouetteSource::Given),
-            None => fill::filled_outline(&ink, options.max_gap_px),
+            None => fill::filled_outline(&ink, &bridges, options.max_gap_px),
         };
         let half_line_px = match source {
             SilhouetteSource::Given => 0.0,
             _ => edges::half_line_px(&ink, &mask),
         };
+        let bridges = bridges.concat();
         let intervals = edges::row_intervals(&ink, &mask, half_line_px);
-        Self { azimuth: view.azimuth, mask, source, half_line_px, intervals }.checked()
+        Self { azimuth: view.azimuth, mask, source, half_line_px, bridges, intervals }.checked()
     }
 
     fn checked(self) -> Result<Self, SilhouetteError> {
@@ -104,6 +109,11 @@ impl Silhouette {
     /// Half the width of the outline's stroke, px; 0 for a given mask.
     pub fn half_line_px(&self) -> f64 {
         self.half_line_px
+    }
+
+    /// The pixels, by index, of lines that close gaps in the drawing's own.
+    pub fn bridges(&self) -> &[usize] {
+        &self.bridges
     }
 
     /// Where the subject is in row `y`: disjoint column intervals, left to
