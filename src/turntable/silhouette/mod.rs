@@ -153,13 +153,31 @@ impl Silhouettes {
     /// [`SilhouetteError`] of the first view in which nothing, or everything,
     /// is inside.
     pub fn of_views(views: &ViewSet, options: &SilhouetteOptions) -> Result<Self, SilhouetteError> {
+        Ok(Self::of_views_alone(views, options)?.joined(options))
+    }
+
+    /// Finds every view's silhouette from that view alone.
+    ///
+    /// # Errors
+    /// As [`of_views`](Self::of_views).
+    pub fn of_views_alone(
+        views: &ViewSet,
+        options: &SilhouetteOptions,
+    ) -> Result<Self, SilhouetteError> {
         use rayon::prelude::*;
         let found: Vec<_> =
             views.views().par_iter().map(|view| Silhouette::of_view(view, options)).collect();
-        let mut silhouettes = found.into_iter().collect::<Result<Vec<_>, _>>()?;
-        let opposites =
-            if options.join_opposites { opposite::join(&mut silhouettes) } else { Vec::new() };
-        Ok(Self { silhouettes, opposites })
+        let silhouettes = found.into_iter().collect::<Result<Vec<_>, _>>()?;
+        Ok(Self { silhouettes, opposites: Vec::new() })
+    }
+
+    /// Those of opposite views made one, if `options` say so.
+    #[must_use]
+    pub fn joined(mut self, options: &SilhouetteOptions) -> Self {
+        if options.join_opposites {
+            self.opposites = opposite::join(&mut self.silhouettes);
+        }
+        self
     }
 }
 
