@@ -92,14 +92,14 @@ type Registered = (ViewSet, Silhouettes, Vec<ViewRegistration>);
 /// Silhouettes, and how well they agree; views moved to fit if asked for.
 fn registered(views: ViewSet, options: &Options) -> Result<Registered, SilhouetteError> {
     let options = &options.turntable;
-    let silhouettes = Silhouettes::of_views(&views, &options.silhouette)?;
-    let found = registration::register(&views, &silhouettes);
+    let alone = Silhouettes::of_views_alone(&views, &options.silhouette)?;
+    let found = registration::register(&views, &alone);
     match registration::corrected(&views, &found).filter(|_| options.register) {
         Some(views) => {
             let silhouettes = Silhouettes::of_views(&views, &options.silhouette)?;
             Ok((views, silhouettes, found))
         }
-        None => Ok((views, silhouettes, found)),
+        None => Ok((views, alone.joined(&options.silhouette), found)),
     }
 }
 

@@ -20,7 +20,7 @@ pub struct TurntableOptions {
 impl Default for TurntableOptions {
     fn default() -> Self {
         Self {
-            register: false,
+            register: true,
             reference_planes: true,
             silhouette: SilhouetteOptions::default(),
             depth: DepthOptions::default(),

@@ -2,6 +2,7 @@ use image::GrayImage;
 
 use super::super::ink::{INK_THRESHOLD, InkMap};
 use super::SilhouetteSource;
+use super::bridges::Bridge;
 
 /// A region that opens once its gaps are closed counts as inside if it is
 /// this many times wider than the gap.
@@ -19,24 +20,43 @@ pub fn binarised(mask: &GrayImage) -> GrayImage {
 
 /// What paper connected to the border does not reach.
 ///
-/// Gaps of one pixel are always closed. A wider gap, up to `max_gap_px`, is
+/// `bridges` hold paper off as ink does. Gaps of one pixel are
+/// always closed. A wider gap, up to `max_gap_px`, is
 /// closed where it shuts in a region much wider than itself: a slit between
 /// two legs stays open, a body whose outline has a hole does not run out.
-pub fn filled_outline(ink: &InkMap, max_gap_px: u32) -> (GrayImage, SilhouetteSource) {
-    let barrier = distance_to_ink(ink);
+pub fn filled_outline(
+    ink: &InkMap,
+    bridges: &[Bridge],
+    max_gap_px: u32,
+) -> (GrayImage, SilhouetteSource) {
+    let barrier = distance_to_ink(ink, bridges);
     let mut inside = inside_with_gaps_closed(ink, &barrier, u32::from(max_gap_px > 0));
-    let mut closed_gap_px = 0;
+    let mut closed_gap_px = widest_on_border(bridges, &inside, ink.width());
     let widest = inside_with_gaps_closed(ink, &barrier, max_gap_px.div_ceil(2));
     let shuts_in_more = add_wide_regions(&mut inside.clone(), &widest, &barrier, ink.width(), 10);
     for radius in (2..=max_gap_px.div_ceil(2)).filter(|_| shuts_in_more) {
         let closed = inside_with_gaps_closed(ink, &barrier, radius);
         let min_depth = radius * MIN_WIDTH_PER_GAP;
         if add_wide_regions(&mut inside, &closed, &barrier, ink.width(), min_depth) {
-            closed_gap_px = radius * 2;
+            closed_gap_px = closed_gap_px.max(radius * 2);
         }
     }
     let mask = image_of(ink, &inside);
     (mask, SilhouetteSource::Filled { closed_gap_px })
+}
+
+/// The longest bridge that holds off the outside, px.
+fn widest_on_border(bridges: &[Bridge], inside: &[bool], width: usize) -> u32 {
+    let is_outside = |index: usize| !inside.get(index).copied().unwrap_or(true);
+    let on_border = |&index: &usize| {
+        let across = index % width;
+        (across > 0 && is_outside(index - 1))
+            || (across + 1 < width && is_outside(index + 1))
+            || index.checked_sub(width).is_some_and(is_outside)
+            || is_outside(index + width)
+    };
+    let holding = bridges.iter().filter(|bridge| bridge.iter().any(on_border));
+    holding.map(|bridge| bridge.len() as u32).max().unwrap_or(0)
 }
 
 fn image_of(ink: &InkMap, inside: &[bool]) -> GrayImage {
@@ -45,14 +65,15 @@ fn image_of(ink: &InkMap, inside: &[bool]) -> GrayImage {
     GrayImage::from_raw(width, height, levels.collect()).unwrap_or_default()
 }
 
-/// Chessboard distance of every pixel to the nearest inked one, up to 255.
-fn distance_to_ink(ink: &InkMap) -> Vec<u8> {
+/// Chessboard distance of every pixel to the nearest inked or bridging one, up to 255.
+fn distance_to_ink(ink: &InkMap, bridges: &[Bridge]) -> Vec<u8> {
     let (width, height) = (ink.width(), ink.height());
     let mut distance: Vec<u8> = ink
         .as_slice()
         .iter()
         .map(|&share| if share > INK_THRESHOLD { 0 } else { u8::MAX })
         .collect();
+    bridges.iter().flatten().for_each(|&index| distance[index] = 0);
     for y in 0..height {
         let (above, from_here) = distance.split_at_mut(y * width);
         let row = &mut from_here[..width];

@@ -1,5 +1,6 @@
 //! The area that the subject covers in each view.
 
+mod bridges;
 mod edges;
 mod fill;
 mod opposite;
@@ -37,6 +38,8 @@ pub struct Silhouette {
     mask: GrayImage,
     source: SilhouetteSource,
     half_line_px: f64,
+    /// Pixels that close gaps in the drawing's lines.
+    bridges: Vec<usize>,
     /// Per row, the subject's runs as column intervals in the sheet frame, px.
     intervals: Vec<Vec<(f64, f64)>>,
 }
@@ -63,16 +66,18 @@ impl Silhouette {
     /// [`SilhouetteError`] if nothing, or everything, is inside.
     pub fn of_view(view: &View, options: &SilhouetteOptions) -> Result<Self, SilhouetteError> {
         let ink = InkMap::from_image(&view.image);
+        let bridges = bridges::bridges(&ink, options.max_gap_px);
         let (mask, source) = match &view.mask {
             Some(mask) => (fill::binarised(mask), SilhouetteSource::Given),
-            None => fill::filled_outline(&ink, options.max_gap_px),
+            None => fill::filled_outline(&ink, &bridges, options.max_gap_px),
         };
         let half_line_px = match source {
             SilhouetteSource::Given => 0.0,
             _ => edges::half_line_px(&ink, &mask),
         };
+        let bridges = bridges.concat();
         let intervals = edges::row_intervals(&ink, &mask, half_line_px);
-        Self { azimuth: view.azimuth, mask, source, half_line_px, intervals }.checked()
+        Self { azimuth: view.azimuth, mask, source, half_line_px, bridges, intervals }.checked()
     }
 
     fn checked(self) -> Result<Self, SilhouetteError> {
@@ -104,6 +109,11 @@ impl Silhouette {
     /// Half the width of the outline's stroke, px; 0 for a given mask.
     pub fn half_line_px(&self) -> f64 {
         self.half_line_px
+    }
+
+    /// The pixels, by index, of lines that close gaps in the drawing's own.
+    pub fn bridges(&self) -> &[usize] {
+        &self.bridges
     }
 
     /// Where the subject is in row `y`: disjoint column intervals, left to
@@ -143,13 +153,31 @@ impl Silhouettes {
     /// [`SilhouetteError`] of the first view in which nothing, or everything,
     /// is inside.
     pub fn of_views(views: &ViewSet, options: &SilhouetteOptions) -> Result<Self, SilhouetteError> {
+        Ok(Self::of_views_alone(views, options)?.joined(options))
+    }
+
+    /// Finds every view's silhouette from that view alone.
+    ///
+    /// # Errors
+    /// As [`of_views`](Self::of_views).
+    pub fn of_views_alone(
+        views: &ViewSet,
+        options: &SilhouetteOptions,
+    ) -> Result<Self, SilhouetteError> {
         use rayon::prelude::*;
         let found: Vec<_> =
             views.views().par_iter().map(|view| Silhouette::of_view(view, options)).collect();
-        let mut silhouettes = found.into_iter().collect::<Result<Vec<_>, _>>()?;
-        let opposites =
-            if options.join_opposites { opposite::join(&mut silhouettes) } else { Vec::new() };
-        Ok(Self { silhouettes, opposites })
+        let silhouettes = found.into_iter().collect::<Result<Vec<_>, _>>()?;
+        Ok(Self { silhouettes, opposites: Vec::new() })
+    }
+
+    /// Those of opposite views made one, if `options` say so.
+    #[must_use]
+    pub fn joined(mut self, options: &SilhouetteOptions) -> Self {
+        if options.join_opposites {
+            self.opposites = opposite::join(&mut self.silhouettes);
+        }
+        self
     }
 }
 

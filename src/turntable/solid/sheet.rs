@@ -32,7 +32,7 @@ pub struct SolidSheet {
     pub azimuths: Vec<Azimuth>,
     /// Per drawing and pixel, whether it is ink.
     pub ink: Vec<Vec<bool>>,
-    /// The same, grown by two columns and one row.
+    /// The same with gaps in lines closed, grown by two columns and one row.
     near_ink: Vec<Vec<bool>>,
     pub views: Vec<SolidView>,
 }
@@ -50,7 +50,15 @@ impl SolidSheet {
                 map.as_slice().iter().map(|&share| share > INK_THRESHOLD).collect()
             })
             .collect();
-        let near_ink = ink.par_iter().map(|ink| grown(ink, width, 2, 1)).collect();
+        let near_ink = ink
+            .par_iter()
+            .zip(&silhouettes.silhouettes)
+            .map(|(ink, silhouette)| {
+                let mut closed = ink.clone();
+                silhouette.bridges().iter().for_each(|&index| closed[index] = true);
+                grown(&closed, width, 2, 1)
+            })
+            .collect();
         let outlines = silhouettes.silhouettes.par_iter();
         let solid_views = outlines.enumerate().map(|(drawing, silhouette)| SolidView {
             outline: Outline::from_silhouette(silhouette, axis_px),

@@ -1,0 +1,60 @@
+//! How well a view's outline fits what its neighbours allow.
+//!
+//! In a row, every view's sight lines at the outline touch the section that the
+//! others leave: for neighbours `s` before and `t` after,
+//! `h(a) sin(s + t) <= h(a - s) sin t + h(a + t) sin s` for the section's
+//! support `h` on the right, and mirrored on the left.
+
+use super::NOISE_PX;
+use super::profile::Profile;
+
+/// Wider angles between neighbours bound nothing, degrees.
+const MAX_SPAN_DEG: f64 = 60.0;
+const MIN_ROWS: usize = 8;
+
+/// Per row, how far the outline on the left and right is inside what the
+/// neighbours allow it to touch, px; negative where it is not.
+fn slacks(profiles: &[Profile], index: usize) -> Option<Vec<(f64, f64)>> {
+    let own = &profiles[index];
+    let nearest = |forward: bool| {
+        let angle = |other: &&Profile| {
+            let (from, to) = if forward { (own, *other) } else { (*other, own) };
+            from.azimuth.degrees_to(to.azimuth)
+        };
+        let others = profiles.iter().filter(|other| other.azimuth != own.azimuth);
+        let found = others.min_by(|a, b| angle(a).total_cmp(&angle(b)))?;
+        Some((found, angle(&found))).filter(|(_, degrees)| *degrees <= MAX_SPAN_DEG)
+    };
+    let ((before, s), (after, t)) = (nearest(false)?, nearest(true)?);
+    let (s, t) = (s.to_radians(), t.to_radians());
+    let touch = |a: f64, b: f64| (a * t.sin() + b * s.sin()) / (s + t).sin();
+    let slack = |y: usize| {
+        let (a, own, b) = (before.rows[y]?, own.rows[y]?, after.rows[y]?);
+        Some((own.0 - touch(a.0, b.0), touch(a.1, b.1) - own.1))
+    };
+    let slacks: Vec<_> = (0..own.rows.len()).filter_map(slack).collect();
+    (slacks.len() >= MIN_ROWS).then_some(slacks)
+}
+
+/// The share of the rows of view `index` or its neighbours that fit.
+pub fn consistency(profiles: &[Profile], index: usize) -> f64 {
+    let own = profiles[index].rows.iter().flatten().count();
+    let common =
+        profiles.iter().filter(|other| other.azimuth != profiles[index].azimuth).map(|other| {
+            let both = other
+                .rows
+                .iter()
+                .zip(&profiles[index].rows)
+                .filter(|(a, b)| a.is_some() && b.is_some());
+            let either = other.rows.iter().flatten().count() + own;
+            let both = both.count();
+            both as f64 / (either - both).max(1) as f64
+        });
+    let (sum, count) = common.fold((0.0, 0.0), |(sum, count), share| (sum + share, count + 1.0));
+    let shared = if count > 0.0 { sum / count } else { 1.0 };
+    let fitting = slacks(profiles, index).map_or(1.0, |slacks| {
+        let fits = slacks.iter().filter(|slack| slack.0.min(slack.1) > -NOISE_PX).count();
+        fits as f64 / slacks.len() as f64
+    });
+    shared * fitting
+}
