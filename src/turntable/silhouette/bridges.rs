@@ -147,9 +147,9 @@ impl Lines {
         let (count, groups) = self.neighbours(index);
         let [up, _, right, _, down, _, left, _] = self.around(index).map(|i| self.skeleton[i]);
         let open = if second {
-            !(up && right && left) && !(up && down && left)
+            !(up && left && (right || down))
         } else {
-            !(up && right && down) && !(right && down && left)
+            !(right && down && (up || left))
         };
         (2..=6).contains(&count) && groups == 1 && open
     }
