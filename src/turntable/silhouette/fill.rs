@@ -91,13 +91,21 @@ fn distance_to_ink(ink: &InkMap, bridges: &[Bridge]) -> Vec<u8> {
 
 /// Lowers a row to one more than what is before it and above it.
 fn relax(row: &mut [u8], above: Option<&[u8]>) {
-    for x in 0..row.len() {
-        let mut least = if x > 0 { row[x - 1] } else { u8::MAX };
-        if let Some(above) = above {
-            let near = &above[x.saturating_sub(1)..(x + 2).min(above.len())];
-            least = near.iter().fold(least, |least, &value| least.min(value));
-        }
-        row[x] = row[x].min(least.saturating_add(1));
+    if let Some(above) = above {
+        lower(row, above);
+        lower(&mut row[1..], above);
+        lower(row, &above[1..]);
+    }
+    let mut before = u8::MAX;
+    for value in row {
+        *value = (*value).min(before.saturating_add(1));
+        before = *value;
+    }
+}
+
+fn lower(row: &mut [u8], above: &[u8]) {
+    for (value, above) in row.iter_mut().zip(above) {
+        *value = (*value).min(above.saturating_add(1));
     }
 }
 
