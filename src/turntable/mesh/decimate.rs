@@ -19,6 +19,8 @@ pub fn triangles_of_quads(mesh: &QuadMesh) -> Mesh {
     Mesh { triangles: triangles.collect(), positions: mesh.positions.clone() }
 }
 
+/// Triangles that are decimated by themselves first.
+const CHUNK_FACES: usize = 16_384;
 /// Triangles that repairs may add, as a share of the budget.
 const REPAIR_SHARE: usize = 100;
 /// How often fewer triangles are tried if repairs add too many.
@@ -39,25 +41,19 @@ pub fn decimated(mesh: &Mesh, target_faces: usize, tolerance_px: f64) -> Mesh {
         return Mesh::default();
     };
     let centre = nalgebra::center(&low, &high);
-    let vertices: Vec<f32> = mesh
-        .positions
-        .iter()
-        .flat_map(|position| (position - centre).cast::<f32>().data.0[0])
-        .collect();
-    let bytes: Vec<u8> = vertices.iter().flat_map(|value| value.to_ne_bytes()).collect();
-    let Ok(adapter) = VertexDataAdapter::new(&bytes, 12, 0) else {
-        return mesh.clone();
-    };
-    let simplified = |indices: &[u32], faces: usize, tolerance_px: f32| {
-        let options = SimplifyOptions::ErrorAbsolute;
-        meshopt::simplify(indices, &adapter, faces * 3, tolerance_px, options, None)
-    };
-    let merged = simplified(mesh.triangles.as_flattened(), 0, tolerance_px.max(0.0) as f32);
+    let vertices = Vertices::new(&mesh.positions, &centre);
+    let tolerance_px = tolerance_px.max(0.0) as f32;
+    let merged = merged_by_chunk(&vertices, &mesh.triangles, tolerance_px);
+    let merged = vertices.simplified(&merged, 0, tolerance_px, SimplifyOptions::None);
     let mut budget = target_faces - target_faces / REPAIR_SHARE;
     let mut closed = None;
     for _ in 0..MAX_ATTEMPTS {
         let within = merged.len() <= budget * 3;
-        let fewer = if within { None } else { Some(simplified(&merged, budget, f32::MAX)) };
+        let fewer = if within {
+            None
+        } else {
+            Some(vertices.simplified(&merged, budget, f32::MAX, SimplifyOptions::None))
+        };
         let indices = fewer.as_ref().unwrap_or(&merged);
         match closed_mesh(compacted(&mesh.positions, indices.as_chunks().0)) {
             Some(mesh) if mesh.triangles.len() <= target_faces => return mesh,
@@ -70,6 +66,49 @@ pub fn decimated(mesh: &Mesh, target_faces: usize, tolerance_px: f64) -> Mesh {
         }
     }
     closed.unwrap_or_else(|| mesh.clone())
+}
+
+/// Vertices as meshopt reads them: single precision about their centre.
+struct Vertices {
+    bytes: Vec<u8>,
+}
+
+impl Vertices {
+    fn new(positions: &[Point3<f64>], centre: &Point3<f64>) -> Self {
+        let coordinates =
+            positions.iter().flat_map(|position| (position - centre).cast::<f32>().data.0[0]);
+        Self { bytes: coordinates.flat_map(f32::to_ne_bytes).collect() }
+    }
+
+    /// Fewer triangles, at least `faces`, none off by more than `tolerance_px`.
+    fn simplified(
+        &self,
+        indices: &[u32],
+        faces: usize,
+        tolerance_px: f32,
+        options: SimplifyOptions,
+    ) -> Vec<u32> {
+        let options = SimplifyOptions::ErrorAbsolute | options;
+        match VertexDataAdapter::new(&self.bytes, 12, 0) {
+            Ok(adapter) => {
+                meshopt::simplify(indices, &adapter, faces * 3, tolerance_px, options, None)
+            }
+            Err(_) => indices.to_vec(),
+        }
+    }
+}
+
+/// Collapses within slabs of the mesh at once; their common edges stay.
+///
+/// Slabs are of one size whatever the number of threads.
+fn merged_by_chunk(vertices: &Vertices, triangles: &[[u32; 3]], tolerance_px: f32) -> Vec<u32> {
+    use rayon::prelude::*;
+    let inner = SimplifyOptions::LockBorder | SimplifyOptions::Sparse;
+    let chunks: Vec<Vec<u32>> = triangles
+        .par_chunks(CHUNK_FACES)
+        .map(|chunk| vertices.simplified(chunk.as_flattened(), 0, tolerance_px, inner))
+        .collect();
+    chunks.concat()
 }
 
 /// The mesh, pulled apart where it touches itself; `None` if it is not closed

@@ -146,12 +146,9 @@ impl Lines {
     fn is_edge(&self, index: usize, second: bool) -> bool {
         let (count, groups) = self.neighbours(index);
         let [up, _, right, _, down, _, left, _] = self.around(index).map(|i| self.skeleton[i]);
-        let open = if second {
-            !(up && left && (right || down))
-        } else {
-            !(right && down && (up || left))
-        };
-        (2..=6).contains(&count) && groups == 1 && open
+        let closed =
+            if second { up && left && (right || down) } else { right && down && (up || left) };
+        (2..=6).contains(&count) && groups == 1 && !closed
     }
 
     /// The end of a stroke at pixel `index` of the skeleton, if it is one.

@@ -91,13 +91,21 @@ fn distance_to_ink(ink: &InkMap, bridges: &[Bridge]) -> Vec<u8> {
 
 /// Lowers a row to one more than what is before it and above it.
 fn relax(row: &mut [u8], above: Option<&[u8]>) {
-    for x in 0..row.len() {
-        let mut least = if x > 0 { row[x - 1] } else { u8::MAX };
-        if let Some(above) = above {
-            let near = &above[x.saturating_sub(1)..(x + 2).min(above.len())];
-            least = near.iter().fold(least, |least, &value| least.min(value));
-        }
-        row[x] = row[x].min(least.saturating_add(1));
+    if let Some(above) = above {
+        lower(row, above);
+        lower(&mut row[1..], above);
+        lower(row, &above[1..]);
+    }
+    let mut before = u8::MAX;
+    for value in row {
+        *value = (*value).min(before.saturating_add(1));
+        before = *value;
+    }
+}
+
+fn lower(row: &mut [u8], above: &[u8]) {
+    for (value, above) in row.iter_mut().zip(above) {
+        *value = (*value).min(above.saturating_add(1));
     }
 }
 
@@ -116,37 +124,39 @@ fn inside_with_gaps_closed(ink: &InkMap, distance: &[u8], radius: u32) -> Vec<bo
     outside
 }
 
-/// The pixels that satisfy `open` and connect to the border through such pixels.
+/// The pixels that satisfy `open` and connect to the border through such
+/// pixels, run by run.
 fn flooded(width: usize, height: usize, open: impl Fn(usize) -> bool) -> Vec<bool> {
     let mut reached = vec![false; width * height];
-    let mut stack = Vec::new();
-    let visit = |index: usize, reached: &mut Vec<bool>, stack: &mut Vec<usize>| {
-        if !reached[index] && open(index) {
-            reached[index] = true;
-            stack.push(index);
+    let ends = (0..height).flat_map(|y| [y * width, y * width + width - 1]);
+    let mut pending: Vec<usize> =
+        (0..width).chain((height - 1) * width..height * width).chain(ends).collect();
+    while let Some(index) = pending.pop() {
+        if reached[index] || !open(index) {
+            continue;
         }
-    };
-    for x in 0..width {
-        visit(x, &mut reached, &mut stack);
-        visit((height - 1) * width + x, &mut reached, &mut stack);
-    }
-    for y in 0..height {
-        visit(y * width, &mut reached, &mut stack);
-        visit(y * width + width - 1, &mut reached, &mut stack);
-    }
-    while let Some(index) = stack.pop() {
-        let x = index % width;
-        if x > 0 {
-            visit(index - 1, &mut reached, &mut stack);
+        let row = index - index % width;
+        let is_new = |index: usize, reached: &[bool]| !reached[index] && open(index);
+        let mut from = index;
+        while from > row && is_new(from - 1, &reached) {
+            from -= 1;
         }
-        if x + 1 < width {
-            visit(index + 1, &mut reached, &mut stack);
+        let mut to = index + 1;
+        while to < row + width && is_new(to, &reached) {
+            to += 1;
         }
-        if index >= width {
-            visit(index - width, &mut reached, &mut stack);
-        }
-        if index + width < reached.len() {
-            visit(index + width, &mut reached, &mut stack);
+        reached[from..to].fill(true);
+        let above = row.checked_sub(width).map(|_| from - width..to - width);
+        let below = (to + width <= reached.len()).then_some(from + width..to + width);
+        for beside in above.into_iter().chain(below) {
+            let mut in_run = false;
+            for next in beside {
+                let starts = is_new(next, &reached);
+                if starts && !in_run {
+                    pending.push(next);
+                }
+                in_run = starts;
+            }
         }
     }
     reached

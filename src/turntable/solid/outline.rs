@@ -92,17 +92,11 @@ fn raw_runs(silhouette: &Silhouette, y: usize, axis_px: f64) -> Vec<(f64, f64)> 
         return Vec::new();
     };
     let mut runs = Vec::new();
-    let mut start = None;
-    for x in 0..=width {
-        let inside = row.get(x).is_some_and(|&level| level != 0);
-        match (inside, start) {
-            (true, None) => start = Some(x),
-            (false, Some(from)) => {
-                runs.push((from as f64 - axis_px, x as f64 - axis_px));
-                start = None;
-            }
-            _ => {}
-        }
+    let mut next = 0;
+    while let Some(skipped) = row[next..].iter().position(|&level| level != 0) {
+        let from = next + skipped;
+        next = row[from..].iter().position(|&level| level == 0).map_or(width, |run| from + run);
+        runs.push((from as f64 - axis_px, next as f64 - axis_px));
     }
     runs
 }

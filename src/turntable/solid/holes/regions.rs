@@ -99,27 +99,34 @@ fn chamfer_distance_px(mask: &GrayImage) -> Vec<f32> {
     let far = (width + height) as f32;
     let mut depth: Vec<f32> =
         mask.as_raw().iter().map(|&level| if level == 0 { 0.0 } else { far }).collect();
-    let diagonal = std::f32::consts::SQRT_2;
-    let mut relax = |x: usize, y: usize, back: bool| {
-        if depth[y * width + x] == 0.0 {
-            return;
-        }
-        let step: i64 = if back { 1 } else { -1 };
-        let near =
-            [(step, 0, 1.0), (0, step, 1.0), (step, step, diagonal), (-step, step, diagonal)];
-        for (dx, dy, cost) in near {
-            let (nx, ny) = (x as i64 + dx, y as i64 + dy);
-            let inside = nx >= 0 && ny >= 0 && nx < width as i64 && ny < height as i64;
-            let beside = if inside { depth[ny as usize * width + nx as usize] } else { 0.0 };
-            let here = &mut depth[y * width + x];
-            *here = here.min(beside + cost);
-        }
-    };
+    let outside = vec![0.0; width];
     for y in 0..height {
-        (0..width).for_each(|x| relax(x, y, false));
+        let (above, here) = depth.split_at_mut(y * width);
+        relax(&mut here[..width], above.chunks_exact(width).next_back().unwrap_or(&outside));
     }
-    for y in (0..height).rev() {
-        (0..width).rev().for_each(|x| relax(x, y, true));
+    // The second pass is the first upside down and right to left.
+    depth.reverse();
+    for y in 0..height {
+        let (above, here) = depth.split_at_mut(y * width);
+        relax(&mut here[..width], above.chunks_exact(width).next_back().unwrap_or(&outside));
     }
+    depth.reverse();
     depth
+}
+
+/// Lowers distances to those over the pixels above and to the left; beyond the
+/// row's ends everything is outside.
+fn relax(row: &mut [f32], above: &[f32]) {
+    let diagonal = std::f32::consts::SQRT_2;
+    let mut left = 0.0;
+    for x in 0..row.len() {
+        if row[x] != 0.0 {
+            let beside = |index: Option<usize>| {
+                index.and_then(|index| above.get(index)).copied().unwrap_or(0.0)
+            };
+            let slanted = beside(x.checked_sub(1)).min(beside(Some(x + 1))) + diagonal;
+            row[x] = row[x].min(left + 1.0).min(above[x] + 1.0).min(slanted);
+        }
+        left = row[x];
+    }
 }
