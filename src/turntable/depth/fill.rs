@@ -180,7 +180,7 @@ impl<'a> Fill<'a> {
         let operator = self.hierarchy.operator(&screen);
         let membrane = match accuracy {
             Accuracy::Rough => operator.solve_roughly(&right, 1e-3, 40),
-            Accuracy::Final => operator.solve(&right, self.membrane.as_deref(), 2e-4, 40),
+            Accuracy::Final => operator.solve(&right, self.membrane.as_deref(), 5e-4, 40),
         };
         let depth = membrane.iter().zip(&self.bulge_px).map(|(r, w)| r - w).collect();
         self.membrane = Some(membrane);
@@ -241,7 +241,7 @@ fn inflation(
     let screen: Vec<f32> = fixed.iter().map(|&is| if is { FIXED } else { 1e-7 }).collect();
     let right: Vec<f32> = fixed.iter().map(|&is| if is { 0.0 } else { 2.0 }).collect();
     let hierarchy = Hierarchy::new(&graph.positions, links);
-    hierarchy.operator(&screen).solve(&right, None, 3e-4, 60)
+    hierarchy.operator(&screen).solve(&right, None, 1e-3, 60)
 }
 
 /// The outer half of the outline's stroke is not surface.
