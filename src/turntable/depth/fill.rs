@@ -79,12 +79,11 @@ impl<'a> Fill<'a> {
             let weight = if cut == 0 { link.weight.max(LEAK) } else { LEAK };
             Link { weight, ..link }
         };
-        let links = |vertical: f32| -> Vec<Link> {
-            graph.links(&cuts, vertical, ACROSS_INK).map(cut_or_leak).collect()
-        };
-        let base = inflation(graph, links(VERTICAL_LINK_BULGE), contours, owners);
-        let links = links(VERTICAL_LINK);
-        let hierarchy = Hierarchy::new(&graph.positions, links.clone());
+        let links = |vertical: f32| graph.links(&cuts, vertical, ACROSS_INK).map(cut_or_leak);
+        let (base, hierarchy) = rayon::join(
+            || inflation(graph, links(VERTICAL_LINK_BULGE).collect(), contours, owners),
+            || Hierarchy::new(&graph.positions, links(VERTICAL_LINK)),
+        );
         let strength = strength(graph, &hierarchy, contours, lines, owners, &base);
         let bulge_px =
             base.iter().zip(&strength).map(|(u, c)| (u.max(0.0) * c.max(0.0)).sqrt()).collect();
@@ -97,7 +96,7 @@ impl<'a> Fill<'a> {
             (count + 1.0, sum + f64::from(weighted / weight))
         });
         let level_px = if count > 0.0 { (sum / count) as f32 } else { 0.0 };
-        let same_row = |link: &&Link| {
+        let same_row = |link: &Link| {
             let row = |node: u32| graph.positions[node as usize].1;
             row(link.a) == row(link.b) && link.weight > LEAK
         };
@@ -110,7 +109,10 @@ impl<'a> Fill<'a> {
         Self {
             level_px,
             membrane: None,
-            right_links: links.iter().filter(same_row).map(|link| (link.a, link.b)).collect(),
+            right_links: links(VERTICAL_LINK)
+                .filter(same_row)
+                .map(|link| (link.a, link.b))
+                .collect(),
             on_contour,
             graph,
             hierarchy,

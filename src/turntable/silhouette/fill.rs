@@ -70,13 +70,17 @@ fn distance_to_ink(ink: &InkMap) -> Vec<u8> {
 
 /// Lowers a row to one more than what is before it and above it.
 fn relax(row: &mut [u8], above: Option<&[u8]>) {
-    for x in 0..row.len() {
-        let mut least = if x > 0 { row[x - 1] } else { u8::MAX };
-        if let Some(above) = above {
-            let near = &above[x.saturating_sub(1)..(x + 2).min(above.len())];
-            least = near.iter().fold(least, |least, &value| least.min(value));
-        }
-        row[x] = row[x].min(least.saturating_add(1));
+    if let Some(above) = above.filter(|above| !above.is_empty()) {
+        let last = row.len() - 1;
+        let lower = |value: &mut u8, from: u8| *value = (*value).min(from.saturating_add(1));
+        row.iter_mut().zip(above).for_each(|(value, &from)| lower(value, from));
+        row[1..].iter_mut().zip(above).for_each(|(value, &from)| lower(value, from));
+        row[..last].iter_mut().zip(&above[1..]).for_each(|(value, &from)| lower(value, from));
+    }
+    let mut before = u8::MAX;
+    for value in row {
+        before = (*value).min(before.saturating_add(1));
+        *value = before;
     }
 }
 
