@@ -7,7 +7,7 @@ use super::super::ink::InkMap;
 use super::super::silhouette::{Silhouette, Silhouettes};
 use super::super::views::ViewSet;
 use super::contours::Contours;
-use super::fill::Fill;
+use super::fill::{Accuracy, Fill};
 use super::graph::{Owner, PixelGraph};
 use super::hull::{GrownRows, HullDepth, hull_depth};
 use super::lines::{LineDepths, LineView, angle_between, line_depths};
@@ -329,7 +329,8 @@ impl Surface<'_> {
         points: Vec<super::points::Point>,
     ) -> Nodes {
         let mut fill = Fill::new(graph, &self.drawing.contours, lines, owners);
-        let mut depth = fill.solve(&[]);
+        let accuracy = |left| if left == 0 { Accuracy::Final } else { Accuracy::Rough };
+        let mut depth = fill.solve(&[], accuracy(self.refinements));
         let near: Vec<f32> =
             (0..graph.nodes()).map(|node| self.drawing.hull.near_px[graph.pixel(node)]).collect();
         let refinement = Refinement::new(
@@ -339,8 +340,8 @@ impl Surface<'_> {
             (&self.drawing.contours, lines),
             self.subject.unit_px as f32,
         );
-        for _ in 0..self.refinements {
-            depth = fill.solve(&refinement.hints(&depth));
+        for left in (0..self.refinements).rev() {
+            depth = fill.solve(&refinement.hints(&depth), accuracy(left));
             for (depth, near) in depth.iter_mut().zip(&near) {
                 *depth = depth.max(*near);
             }

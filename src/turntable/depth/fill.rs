@@ -41,6 +41,14 @@ pub struct Hint {
     pub slope: Option<f32>,
 }
 
+/// How well the equations are solved.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Accuracy {
+    /// On every other pixel, errors a thousandth of the depth.
+    Rough,
+    Final,
+}
+
 /// The equations of one view, solved again as hints change.
 pub struct Fill<'a> {
     graph: &'a PixelGraph,
@@ -56,8 +64,6 @@ pub struct Fill<'a> {
     right_links: Vec<(u32, u32)>,
     /// Per node: on a contour, where the bulge has the right slope.
     on_contour: Vec<bool>,
-    /// How much steeper, per column, the surface is than membrane and bulge.
-    tilt: Option<Vec<f32>>,
 }
 
 impl<'a> Fill<'a> {
@@ -73,12 +79,11 @@ impl<'a> Fill<'a> {
             let weight = if cut == 0 { link.weight.max(LEAK) } else { LEAK };
             Link { weight, ..link }
         };
-        let links = |vertical: f32| -> Vec<Link> {
-            graph.links(&cuts, vertical, ACROSS_INK).map(cut_or_leak).collect()
-        };
-        let base = inflation(graph, links(VERTICAL_LINK_BULGE), contours, owners);
-        let links = links(VERTICAL_LINK);
-        let hierarchy = Hierarchy::new(&graph.positions, links.clone());
+        let links = |vertical: f32| graph.links(&cuts, vertical, ACROSS_INK).map(cut_or_leak);
+        let (base, hierarchy) = rayon::join(
+            || inflation(graph, links(VERTICAL_LINK_BULGE).collect(), contours, owners),
+            || Hierarchy::new(&graph.positions, links(VERTICAL_LINK)),
+        );
         let strength = strength(graph, &hierarchy, contours, lines, owners, &base);
         let bulge_px =
             base.iter().zip(&strength).map(|(u, c)| (u.max(0.0) * c.max(0.0)).sqrt()).collect();
@@ -91,7 +96,7 @@ impl<'a> Fill<'a> {
             (count + 1.0, sum + f64::from(weighted / weight))
         });
         let level_px = if count > 0.0 { (sum / count) as f32 } else { 0.0 };
-        let same_row = |link: &&Link| {
+        let same_row = |link: &Link| {
             let row = |node: u32| graph.positions[node as usize].1;
             row(link.a) == row(link.b) && link.weight > LEAK
         };
@@ -104,8 +109,10 @@ impl<'a> Fill<'a> {
         Self {
             level_px,
             membrane: None,
-            tilt: None,
-            right_links: links.iter().filter(same_row).map(|link| (link.a, link.b)).collect(),
+            right_links: links(VERTICAL_LINK)
+                .filter(same_row)
+                .map(|link| (link.a, link.b))
+                .collect(),
             on_contour,
             graph,
             hierarchy,
@@ -114,7 +121,8 @@ impl<'a> Fill<'a> {
         }
     }
 
-    /// Spreads the difference between known slopes and the bulge's.
+    /// Spreads the difference between known slopes and the bulge's: how much
+    /// steeper, per column, the surface is than membrane and bulge.
     fn spread_tilt(&self, hints: &[Hint]) -> Vec<f32> {
         const TILT_WEIGHT: f32 = 0.5;
         const TILT_PRIOR: f32 = 1e-5;
@@ -140,7 +148,7 @@ impl<'a> Fill<'a> {
                 right[node] += TILT_WEIGHT * tilt;
             }
         }
-        self.hierarchy.operator(&screen).solve(&right, self.tilt.as_deref(), 5e-3, 20)
+        self.hierarchy.operator(&screen).solve_roughly(&right, 1e-2, 20)
     }
 
     /// Per node the weight of line depths on it.
@@ -149,7 +157,9 @@ impl<'a> Fill<'a> {
     }
 
     /// Depth per node, px, through the lines and near the hints.
-    pub fn solve(&mut self, hints: &[Hint]) -> Vec<f32> {
+    ///
+    /// * `accuracy`: rough, to see which hints apply, or final.
+    pub fn solve(&mut self, hints: &[Hint], accuracy: Accuracy) -> Vec<f32> {
         const ANCHOR: f32 = 1e-7;
         let mut screen = vec![ANCHOR; self.graph.nodes()];
         let mut right = vec![ANCHOR * self.level_px; self.graph.nodes()];
@@ -168,10 +178,12 @@ impl<'a> Fill<'a> {
                 right[a as usize] -= tilt;
                 right[b as usize] += tilt;
             }
-            self.tilt = Some(tilt);
         }
         let operator = self.hierarchy.operator(&screen);
-        let membrane = operator.solve(&right, self.membrane.as_deref(), 1e-4, 40);
+        let membrane = match accuracy {
+            Accuracy::Rough => operator.solve_roughly(&right, 1e-3, 40),
+            Accuracy::Final => operator.solve(&right, self.membrane.as_deref(), 5e-4, 40),
+        };
         let depth = membrane.iter().zip(&self.bulge_px).map(|(r, w)| r - w).collect();
         self.membrane = Some(membrane);
         depth
@@ -284,7 +296,7 @@ fn strength(
     let screen: Vec<f32> = known.iter().map(|(weight, _)| BULGE_WEIGHT * weight + 1e-6).collect();
     let right: Vec<f32> =
         known.iter().map(|(_, sum)| BULGE_WEIGHT * sum + 1e-6 * PRIOR_BULGE as f32).collect();
-    hierarchy.operator(&screen).solve(&right, None, 1e-3, 40)
+    hierarchy.operator(&screen).solve_roughly(&right, 1e-3, 40)
 }
 
 /// How steeply `u` rises from a contour into its owner, and its value 4 px in.

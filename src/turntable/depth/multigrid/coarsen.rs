@@ -7,7 +7,7 @@ use super::grid::{Layout, Links, Rows};
 use super::transfer::Transfer;
 
 /// Piecewise constant interpolation makes coarse links about twice too stiff.
-const COARSE_LINK_SCALE: f32 = 0.55;
+const COARSE_LINK_SCALE: f32 = 0.5;
 /// Rows are kept apart where links along them are this many times stronger.
 const ANISOTROPIC: f32 = 2.8;
 /// Weaker links do not make cells one of the coarser level.

@@ -140,6 +140,24 @@ impl Operator<'_> {
         self.solve_counted(right, start, tolerance, max_iterations).0
     }
 
+    /// [`solve`](Self::solve) on cells of 2x2 nodes, with the nodes relaxed
+    /// once: good to a fraction of what differs from node to node.
+    ///
+    /// # Panics
+    /// If `right` does not have one value per node.
+    pub fn solve_roughly(&self, right: &[f32], tolerance: f64, max_iterations: usize) -> Vec<f32> {
+        let hierarchy = self.hierarchy;
+        let [fine, coarse, ..] = &hierarchy.levels[..] else {
+            return self.solve(right, None, tolerance, max_iterations);
+        };
+        let mut target = hierarchy.spread(right);
+        let sums = fine.transfer.restrict(&fine.links, &coarse.links, &target);
+        let (found, _) = self.conjugate_gradients(1, sums, None, tolerance, max_iterations);
+        let mut values = vec![0.0; target.len()];
+        self.step_down(0, &found, &mut target, &mut values, &mut Vec::new());
+        hierarchy.of_nodes(&values)
+    }
+
     /// The solution and the iterations that it took.
     fn solve_counted(
         &self,
@@ -149,14 +167,25 @@ impl Operator<'_> {
         max_iterations: usize,
     ) -> (Vec<f32>, usize) {
         let hierarchy = self.hierarchy;
-        let links = &hierarchy.levels[0].links;
-        let diagonal = &self.diagonals[0].values;
-        let mut scratch = self.scratch();
-        let mut residual = hierarchy.spread(right);
-        let mut values = match start {
-            Some(start) => hierarchy.spread(start),
-            None => self.nested(&residual, &mut scratch),
-        };
+        let (right, start) = (hierarchy.spread(right), start.map(|start| hierarchy.spread(start)));
+        let (values, iterations) =
+            self.conjugate_gradients(0, right, start, tolerance, max_iterations);
+        (hierarchy.of_nodes(&values), iterations)
+    }
+
+    /// Solves the equations of level `depth`, in cells.
+    fn conjugate_gradients(
+        &self,
+        depth: usize,
+        mut residual: Vec<f32>,
+        start: Option<Vec<f32>>,
+        tolerance: f64,
+        max_iterations: usize,
+    ) -> (Vec<f32>, usize) {
+        let links = &self.hierarchy.levels[depth].links;
+        let diagonal = &self.diagonals[depth].values;
+        let mut scratch = self.scratch(depth);
+        let mut values = start.unwrap_or_else(|| self.nested(depth, &residual, &mut scratch));
         let mut product = vec![0.0; links.len()];
         links.apply(diagonal, &values, &mut product);
         links.add_scaled(-1.0, &product, &mut residual);
@@ -164,12 +193,12 @@ impl Operator<'_> {
         let mut energy = f64::INFINITY;
         let mut iterations = 0;
         loop {
-            let scaled = self.precondition(&residual, &mut scratch);
+            let scaled = self.precondition(depth, &residual, &mut scratch);
             let next = links.dot(&residual, scaled);
             let error = links.dot(scaled, scaled);
             let small = error <= tolerance * tolerance * links.dot(&values, &values);
             if small || iterations >= max_iterations || next <= 0.0 || !next.is_finite() {
-                return (hierarchy.of_nodes(&values), iterations);
+                return (values, iterations);
             }
             links.scale_and_add((next / energy) as f32, scaled, &mut direction);
             energy = next;
@@ -181,43 +210,66 @@ impl Operator<'_> {
         }
     }
 
-    fn scratch(&self) -> Vec<Scratch> {
+    /// Vectors for level `depth` and coarser ones.
+    fn scratch(&self, depth: usize) -> Vec<Scratch> {
         let of_level = |level: &Level| {
             let zeros = vec![0.0; level.links.len()];
             Scratch { target: zeros.clone(), values: zeros, saved: Vec::new() }
         };
-        self.hierarchy.levels.iter().map(of_level).collect()
+        self.hierarchy.levels[depth..].iter().map(of_level).collect()
     }
 
-    /// Solves on the coarsest level and goes up from there, a cycle a level.
-    fn nested(&self, right: &[f32], scratch: &mut [Scratch]) -> Vec<f32> {
+    /// Solves on the coarsest level and goes up to level `finest` from there,
+    /// a cycle a level.
+    fn nested(&self, finest: usize, right: &[f32], scratch: &mut [Scratch]) -> Vec<f32> {
         let levels = &self.hierarchy.levels;
         let mut targets = vec![right.to_vec()];
-        for (depth, pair) in levels.windows(2).enumerate() {
+        for (pair, k) in levels[finest..].windows(2).zip(0..) {
             let (fine, coarse) = (&pair[0].links, &pair[1].links);
-            targets.push(pair[0].transfer.restrict(fine, coarse, &targets[depth]));
+            targets.push(pair[0].transfer.restrict(fine, coarse, &targets[k]));
         }
-        for (depth, right) in targets.into_iter().enumerate().rev() {
-            scratch[depth].target = right;
-            if let Some(coarse) = levels.get(depth + 1) {
-                let Level { links, transfer } = &levels[depth];
-                let (own, coarser) = scratch[depth..].split_at_mut(1);
+        for (k, right) in targets.into_iter().enumerate().rev() {
+            let depth = finest + k;
+            scratch[k].target = right;
+            if depth + 1 < levels.len() {
+                let (own, coarser) = scratch[k..].split_at_mut(1);
                 let Scratch { target, values, saved } = &mut own[0];
                 values.fill(0.0);
-                transfer.prolong(links, &coarse.links, &coarser[0].values, values);
-                links.add_extras(values, target, saved);
-                links.relax(Colour::Black, &self.diagonals[depth].inverse, target, values);
-                links.restore(target, saved);
+                self.step_down(depth, &coarser[0].values, target, values, saved);
             }
-            self.cycle(depth, &mut scratch[depth..], depth + 1 == levels.len());
+            self.cycle(depth, &mut scratch[k..], depth + 1 == levels.len());
         }
         scratch[0].values.clone()
     }
 
+    /// Carries a solution of the next coarser level over to level `depth`,
+    /// where `values` are 0, and relaxes it.
+    fn step_down(
+        &self,
+        depth: usize,
+        coarse: &[f32],
+        target: &mut [f32],
+        values: &mut [f32],
+        saved: &mut Vec<f32>,
+    ) {
+        let Level { links, transfer } = &self.hierarchy.levels[depth];
+        let inverse = &self.diagonals[depth].inverse;
+        transfer.prolong(links, &self.hierarchy.levels[depth + 1].links, coarse, values);
+        links.add_extras(values, target, saved);
+        links.relax(Colour::Black, inverse, target, values);
+        links.relax(Colour::Red, inverse, target, values);
+        links.restore(target, saved);
+    }
+
     /// One symmetric cycle from zero.
-    fn precondition<'s>(&self, right: &[f32], scratch: &'s mut [Scratch]) -> &'s [f32] {
+    fn precondition<'s>(
+        &self,
+        depth: usize,
+        right: &[f32],
+        scratch: &'s mut [Scratch],
+    ) -> &'s [f32] {
         scratch[0].target.copy_from_slice(right);
-        self.cycle(0, scratch, true);
+        self.cycle(depth, scratch, true);
         &scratch[0].values
     }
 
