@@ -1,5 +1,6 @@
 //! The method `turntable`: silhouettes, depth from lines, the solid.
 
+use std::borrow::Cow;
 use std::ops::ControlFlow;
 
 use rayon::ThreadPool;
@@ -51,10 +52,13 @@ pub(super) fn compute(
     tell(observer, Stage::Silhouettes, (1, 1), "silhouettes", SILHOUETTES)?;
     let depths = depths(&views, &silhouettes, options, pool, observer)?;
     let hole_hints = hole_hints(document)?;
+    let agreeing = agreeing(&views, &silhouettes, &registrations);
+    let is_agreeing =
+        |view: &ViewDepth| agreeing.0.azimuths().any(|azimuth| azimuth == view.azimuth);
     // A depth that does not rest on lines says nothing that the outlines don't.
     let depth_maps: Vec<DepthMap> = depths
         .iter()
-        .filter(|view| view.fallback.is_none())
+        .filter(|view| view.fallback.is_none() && is_agreeing(view))
         .map(|view| DepthMap {
             azimuth: view.azimuth,
             depth: view.depth_px.clone(),
@@ -62,13 +66,34 @@ pub(super) fn compute(
         })
         .collect();
     let input = SolidInput {
-        views: &views,
-        silhouettes: &silhouettes,
+        views: &agreeing.0,
+        silhouettes: &agreeing.1,
         depth_maps: &depth_maps,
         hole_hints: &hole_hints,
     };
     let solid = build(&input, options, pool, observer)?;
     Ok(TurntableDraft { views, registrations, silhouettes, depths, solid })
+}
+
+/// What the solid is made of: views that contradict the others would carve
+/// away what these show.
+fn agreeing<'a>(
+    views: &'a ViewSet,
+    silhouettes: &'a Silhouettes,
+    registrations: &[ViewRegistration],
+) -> (Cow<'a, ViewSet>, Cow<'a, Silhouettes>) {
+    let keeps = |index: &usize| !registrations[*index].contradicts;
+    let kept: Vec<usize> = (0..registrations.len()).filter(keeps).collect();
+    let fewer = ViewSet::new(kept.iter().map(|&index| views.views()[index].clone()).collect());
+    match fewer {
+        Ok(fewer) if kept.len() < registrations.len() => {
+            let of_kept = kept.iter().map(|&index| silhouettes.silhouettes[index].clone());
+            let opposites = silhouettes.opposites.clone();
+            let silhouettes = Silhouettes { silhouettes: of_kept.collect(), opposites };
+            (Cow::Owned(fewer), Cow::Owned(silhouettes))
+        }
+        _ => (Cow::Borrowed(views), Cow::Borrowed(silhouettes)),
+    }
 }
 
 fn view_set(sheet: &Sheet) -> Result<ViewSet, DraftError> {

@@ -249,7 +249,11 @@ fn warnings(views: &[ViewMetrics], mesh: &MeshMetrics) -> Vec<String> {
     let mut warnings = Vec::new();
     for view in views {
         let (azimuth, share) = (view.azimuth_deg, view.registration.consistency);
-        if share < MIN_CONSISTENCY {
+        if view.registration.contradicts {
+            warnings.push(format!(
+                "view {azimuth} contradicts the others, which agree better without it; it is left out of the solid; check its angle and drawing"
+            ));
+        } else if share < MIN_CONSISTENCY {
             warnings.push(format!(
                 "view {azimuth} fits its neighbours in {:.0} % of its rows; check its angle and drawing",
                 share * 100.0

@@ -128,6 +128,25 @@ fn three_views_become_a_closed_solid_of_the_right_size() {
 }
 
 #[test]
+fn a_view_that_contradicts_the_others_is_named_and_carves_nothing() {
+    let quarter = (0..=6).map(|k| 15.0 * f64::from(k));
+    let drawn =
+        quarter.map(|azimuth| (azimuth, drawing(if azimuth == 45.0 { 90.0 } else { azimuth })));
+    let (document, files) = turntable(drawn);
+    let (summary, artifacts) = run(&document, &files, 2, &Silent).unwrap();
+    let metrics = metrics(&artifacts);
+    let contradicts = |index: usize| metrics["views"][index]["registration"]["contradicts"].clone();
+    assert_eq!([contradicts(2), contradicts(3), contradicts(4)], [false, true, false]);
+    let warned = |w: &String| w.contains("view 45 contradicts the others");
+    assert!(summary.warnings.iter().any(warned), "{summary:?}");
+    let (positions, triangles) = model(bytes_of(&artifacts, "solid.glb"));
+    let metre = metrics["pixels_per_metre"].as_f64().unwrap();
+    let truth = 8.0 * HALF.iter().product::<f64>();
+    let share = volume(&positions, &triangles) * metre.powi(3) / truth;
+    assert!((0.85..1.15).contains(&share), "{share} of the box's volume");
+}
+
+#[test]
 fn every_artifact_is_there_and_readable() {
     let (document, files) = boxes(&[0.0, 45.0, 90.0]);
     let (summary, artifacts) = run(&document, &files, 2, &Silent).unwrap();

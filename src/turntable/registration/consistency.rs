@@ -11,6 +11,12 @@ use super::profile::Profile;
 /// Wider angles between neighbours bound nothing, degrees.
 const MAX_SPAN_DEG: f64 = 60.0;
 const MIN_ROWS: usize = 8;
+/// A view that fits in fewer of its rows is contradicted.
+const CONTRADICTED: f64 = 0.5;
+/// What leaving a view out must add to the others' mean consistency.
+const MIN_GAIN: f64 = 0.05;
+/// So many views must be left.
+const MIN_LEFT: usize = 3;
 
 /// Per row, how far the outline on the left and right is inside what the
 /// neighbours allow it to touch, px; negative where it is not.
@@ -57,4 +63,41 @@ pub fn consistency(profiles: &[Profile], index: usize) -> f64 {
         fits as f64 / slacks.len() as f64
     });
     shared * fitting
+}
+
+/// The views without which the others agree clearly better, by index: those
+/// that contradict them rather than are contradicted. Three views cannot tell
+/// which of them is wrong.
+pub fn contradicting(profiles: &[Profile]) -> Vec<usize> {
+    let mut kept: Vec<usize> = (0..profiles.len()).collect();
+    let mut contradicting = Vec::new();
+    while kept.len() > MIN_LEFT {
+        let scores = consistencies(profiles, &kept);
+        if scores.iter().all(|&score| score >= CONTRADICTED) {
+            break;
+        }
+        let without = |left_out: usize| {
+            let rest: Vec<usize> =
+                kept.iter().copied().filter(|&index| index != left_out).collect();
+            mean(&consistencies(profiles, &rest))
+        };
+        let gains = kept.iter().map(|&index| (index, without(index) - mean(&scores)));
+        let Some((worst, gain)) = gains.max_by(|a, b| a.1.total_cmp(&b.1)) else { break };
+        if gain < MIN_GAIN {
+            break;
+        }
+        kept.retain(|&index| index != worst);
+        contradicting.push(worst);
+    }
+    contradicting
+}
+
+/// Of the views `kept`, each against the others of them.
+fn consistencies(profiles: &[Profile], kept: &[usize]) -> Vec<f64> {
+    let kept: Vec<Profile> = kept.iter().map(|&index| profiles[index].clone()).collect();
+    (0..kept.len()).map(|index| consistency(&kept, index)).collect()
+}
+
+fn mean(scores: &[f64]) -> f64 {
+    scores.iter().sum::<f64>() / scores.len().max(1) as f64
 }

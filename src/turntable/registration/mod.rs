@@ -39,11 +39,20 @@ pub struct ViewRegistration {
     /// The share of rows in which this view fits its neighbours, after the
     /// correction, 0 to 1.
     pub consistency: f64,
+    /// Whether the others agree clearly better without this view.
+    pub contradicts: bool,
 }
 
 impl ViewRegistration {
     fn agreeing(azimuth: Azimuth) -> Self {
-        Self { azimuth, scale: 1.0, shift_x_px: 0.0, shift_y_px: 0.0, consistency: 1.0 }
+        Self {
+            azimuth,
+            scale: 1.0,
+            shift_x_px: 0.0,
+            shift_y_px: 0.0,
+            consistency: 1.0,
+            contradicts: false,
+        }
     }
 
     /// Whether the drawing must be moved or scaled to agree.
@@ -73,7 +82,11 @@ pub fn register(views: &ViewSet, silhouettes: &Silhouettes) -> Vec<ViewRegistrat
     score(&undone(&profiles, &shifted, origin), &mut shifted);
     // What fits the sections' form must fit their bounds too.
     let worse = mean_consistency(&found.views) - mean_consistency(&shifted) > MAX_LOSS;
-    if worse { found.views } else { shifted }
+    let mut found = if worse { found.views } else { shifted };
+    for index in consistency::contradicting(&undone(&profiles, &found, origin)) {
+        found[index].contradicts = true;
+    }
+    found
 }
 
 fn score(profiles: &[Profile], found: &mut [ViewRegistration]) {

@@ -70,6 +70,21 @@ fn a_view_of_something_else_scores_low() {
         odd
     });
     assert!(odd[3].consistency < 0.2 && found[3].consistency > 0.95, "{:?}", odd[3]);
+    assert!(found.iter().all(|found| !found.contradicts));
+    let named: Vec<bool> = odd.iter().map(|found| found.contradicts).collect();
+    assert_eq!(named, [false, false, false, true, false, false, false]);
+}
+
+#[test]
+fn a_view_too_narrow_for_its_neighbours_contradicts_them_not_they_it() {
+    let (_, found) = registered({
+        let azimuth = Azimuth::from_degrees(45.0).unwrap();
+        View { azimuth, ..block(90.0, 1.0, (0.0, 0.0)) }
+    });
+    // The neighbours do not fit it, yet it is the odd one.
+    assert!(found[2].consistency < 0.5 && found[4].consistency < 0.5, "{found:?}");
+    let named: Vec<bool> = found.iter().map(|found| found.contradicts).collect();
+    assert_eq!(named, [false, false, false, true, false, false, false]);
 }
 
 fn drawn_with(errors: &[(f64, f64, f64, f64)]) -> Vec<ViewRegistration> {
