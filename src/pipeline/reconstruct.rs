@@ -22,8 +22,9 @@ const MAX_WORKING_BYTES: u64 = 8 << 30;
 /// Per pixel and view: the drawing, two disparity maps, their mean and depth, the
 /// last three of corners too.
 const BYTES_PER_PIXEL: u64 = 29;
-/// Per pixel and view, the method `turntable`: drawing, lines, graph and surface.
-const TURNTABLE_BYTES_PER_PIXEL: u64 = 200;
+/// Per pixel and view, the method `turntable`: drawing, lines, grid and surface,
+/// were all views solved at once.
+const TURNTABLE_BYTES_PER_PIXEL: u64 = 80;
 
 /// Why a sheet gave no reconstruction.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

@@ -11,6 +11,8 @@ use super::profile::Profile;
 /// Wider angles between neighbours bound nothing, degrees.
 const MAX_SPAN_DEG: f64 = 60.0;
 const MIN_ROWS: usize = 8;
+/// Lines of higher drawings are thicker, and their noise too.
+const REFERENCE_ROWS: f64 = 540.0;
 /// A view that fits in fewer of its rows is contradicted.
 const CONTRADICTED: f64 = 0.5;
 /// What leaving a view out must add to the others' mean consistency.
@@ -59,7 +61,8 @@ pub fn consistency(profiles: &[Profile], index: usize) -> f64 {
     let (sum, count) = common.fold((0.0, 0.0), |(sum, count), share| (sum + share, count + 1.0));
     let shared = if count > 0.0 { sum / count } else { 1.0 };
     let fitting = slacks(profiles, index).map_or(1.0, |slacks| {
-        let fits = slacks.iter().filter(|slack| slack.0.min(slack.1) > -NOISE_PX).count();
+        let noise_px = NOISE_PX * (profiles[index].rows.len() as f64 / REFERENCE_ROWS).max(1.0);
+        let fits = slacks.iter().filter(|slack| slack.0.min(slack.1) > -noise_px).count();
         fits as f64 / slacks.len() as f64
     });
     shared * fitting

@@ -6,8 +6,10 @@ use super::super::sheet::SolidSheet;
 
 /// Smaller regions are eyes and buttons, share of the image's pixels.
 const MIN_AREA: f64 = 600.0 / (960.0 * 540.0);
-/// Regions closer to the outside are bounded by the outline itself, px.
+/// Regions closer to the outside are bounded by the outline itself, px of
+/// drawings up to [`REFERENCE_ROWS`] high: strokes of higher ones are thicker.
 const MIN_RING_PX: f64 = 5.0;
+const REFERENCE_ROWS: f64 = 540.0;
 
 /// A connected region of paper inside an outline.
 pub struct Region {
@@ -68,12 +70,20 @@ pub fn regions_of(sheet: &SolidSheet, view: usize, mask: &GrayImage) -> Vec<Regi
         return Vec::new();
     }
     let depth = chamfer_distance_px(mask);
-    groups.into_iter().filter_map(|members| region(view, members, &depth, width)).collect()
+    let min_ring_px = MIN_RING_PX * (height as f64 / REFERENCE_ROWS).max(1.0);
+    let region = |members| region(view, members, &depth, width, min_ring_px);
+    groups.into_iter().filter_map(region).collect()
 }
 
-fn region(view: usize, mut members: Vec<usize>, depth: &[f32], width: usize) -> Option<Region> {
+fn region(
+    view: usize,
+    mut members: Vec<usize>,
+    depth: &[f32],
+    width: usize,
+    min_ring_px: f64,
+) -> Option<Region> {
     let ring_px = members.iter().map(|&pixel| depth[pixel]).fold(f32::INFINITY, f32::min);
-    if f64::from(ring_px) <= MIN_RING_PX {
+    if f64::from(ring_px) <= min_ring_px {
         return None;
     }
     members.sort_unstable();
