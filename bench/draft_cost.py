@@ -49,7 +49,10 @@ def measure(arguments: argparse.Namespace, megapixels: float, azimuths: str, fol
     draw = [arguments.turnaround, "draw", arguments.model, "--azimuths", azimuths, "-o", sheet]
     subprocess.run(draw + [part for key, value in settings.items() for part in ("--set", f"{key}={value}")],
                    check=True, capture_output=True)
-    draft = [arguments.turnaround, "reconstruct", sheet / "sheet.json", "-o", sheet / "out"]
+    # Without the sheet's truth, which would be compared with.
+    drawings = {path.stem.removeprefix("view_"): path for path in sorted(sheet.glob("view_*.png"))}
+    draft = [arguments.turnaround, "reconstruct", "-o", sheet / "out"]
+    draft += [part for azimuth, path in drawings.items() for part in ("--view", f"{azimuth}={path}")]
     draft += [part for option in arguments.set for part in ("--set", option)]
     runs = [run(draft) for _ in range(arguments.runs)]
     return [statistics.median(figures) for figures in zip(*runs)]
