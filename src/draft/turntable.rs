@@ -52,22 +52,21 @@ pub(super) fn compute(
     tell(observer, Stage::Silhouettes, (1, 1), "silhouettes", SILHOUETTES)?;
     let depths = depths(&views, &silhouettes, options, pool, observer)?;
     let hole_hints = hole_hints(document)?;
-    let agreeing = agreeing(&views, &silhouettes, &registrations);
-    let is_agreeing =
-        |view: &ViewDepth| agreeing.0.azimuths().any(|azimuth| azimuth == view.azimuth);
+    let (agreeing, outlines) = agreeing(&views, &silhouettes, &registrations);
     // A depth that does not rest on lines says nothing that the outlines don't.
     let depth_maps: Vec<DepthMap> = depths
         .iter()
-        .filter(|view| view.fallback.is_none() && is_agreeing(view))
-        .map(|view| DepthMap {
+        .zip(&registrations)
+        .filter(|(view, found)| view.fallback.is_none() && !found.contradicts)
+        .map(|(view, _)| DepthMap {
             azimuth: view.azimuth,
             depth: view.depth_px.clone(),
             confidence: Some(view.confidence.clone()),
         })
         .collect();
     let input = SolidInput {
-        views: &agreeing.0,
-        silhouettes: &agreeing.1,
+        views: &agreeing,
+        silhouettes: &outlines,
         depth_maps: &depth_maps,
         hole_hints: &hole_hints,
     };

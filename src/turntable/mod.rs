@@ -10,6 +10,7 @@
 pub mod depth;
 pub mod ink;
 pub mod mesh;
+mod raster;
 pub mod registration;
 pub mod silhouette;
 pub mod solid;

@@ -5,14 +5,13 @@
 //! `h(a) sin(s + t) <= h(a - s) sin t + h(a + t) sin s` for the section's
 //! support `h` on the right, and mirrored on the left.
 
+use super::super::raster::stroke_scale;
 use super::NOISE_PX;
 use super::profile::Profile;
 
 /// Wider angles between neighbours bound nothing, degrees.
 const MAX_SPAN_DEG: f64 = 60.0;
 const MIN_ROWS: usize = 8;
-/// Lines of higher drawings are thicker, and their noise too.
-const REFERENCE_ROWS: f64 = 540.0;
 /// A view that fits in fewer of its rows is contradicted.
 const CONTRADICTED: f64 = 0.5;
 /// What leaving a view out must add to the others' mean consistency.
@@ -22,14 +21,14 @@ const MIN_LEFT: usize = 3;
 
 /// Per row, how far the outline on the left and right is inside what the
 /// neighbours allow it to touch, px; negative where it is not.
-fn slacks(profiles: &[Profile], index: usize) -> Option<Vec<(f64, f64)>> {
-    let own = &profiles[index];
+fn slacks(profiles: &[&Profile], index: usize) -> Option<Vec<(f64, f64)>> {
+    let own = profiles[index];
     let nearest = |forward: bool| {
         let angle = |other: &&Profile| {
             let (from, to) = if forward { (own, *other) } else { (*other, own) };
             from.azimuth.degrees_to(to.azimuth)
         };
-        let others = profiles.iter().filter(|other| other.azimuth != own.azimuth);
+        let others = profiles.iter().copied().filter(|other| other.azimuth != own.azimuth);
         let found = others.min_by(|a, b| angle(a).total_cmp(&angle(b)))?;
         Some((found, angle(&found))).filter(|(_, degrees)| *degrees <= MAX_SPAN_DEG)
     };
@@ -45,7 +44,7 @@ fn slacks(profiles: &[Profile], index: usize) -> Option<Vec<(f64, f64)>> {
 }
 
 /// The share of the rows of view `index` or its neighbours that fit.
-pub fn consistency(profiles: &[Profile], index: usize) -> f64 {
+fn consistency(profiles: &[&Profile], index: usize) -> f64 {
     let own = profiles[index].rows.iter().flatten().count();
     let common =
         profiles.iter().filter(|other| other.azimuth != profiles[index].azimuth).map(|other| {
@@ -61,7 +60,7 @@ pub fn consistency(profiles: &[Profile], index: usize) -> f64 {
     let (sum, count) = common.fold((0.0, 0.0), |(sum, count), share| (sum + share, count + 1.0));
     let shared = if count > 0.0 { sum / count } else { 1.0 };
     let fitting = slacks(profiles, index).map_or(1.0, |slacks| {
-        let noise_px = NOISE_PX * (profiles[index].rows.len() as f64 / REFERENCE_ROWS).max(1.0);
+        let noise_px = NOISE_PX * stroke_scale(profiles[index].rows.len());
         let fits = slacks.iter().filter(|slack| slack.0.min(slack.1) > -noise_px).count();
         fits as f64 / slacks.len() as f64
     });
@@ -71,36 +70,34 @@ pub fn consistency(profiles: &[Profile], index: usize) -> f64 {
 /// The views without which the others agree clearly better, by index: those
 /// that contradict them rather than are contradicted. Three views cannot tell
 /// which of them is wrong.
-pub fn contradicting(profiles: &[Profile]) -> Vec<usize> {
+///
+/// * `scores`: the [`consistencies`] of all `profiles`.
+pub fn contradicting(profiles: &[Profile], mut scores: Vec<f64>) -> Vec<usize> {
     let mut kept: Vec<usize> = (0..profiles.len()).collect();
     let mut contradicting = Vec::new();
-    while kept.len() > MIN_LEFT {
-        let scores = consistencies(profiles, &kept);
-        if scores.iter().all(|&score| score >= CONTRADICTED) {
-            break;
-        }
-        let without = |left_out: usize| {
-            let rest: Vec<usize> =
-                kept.iter().copied().filter(|&index| index != left_out).collect();
-            mean(&consistencies(profiles, &rest))
+    while kept.len() > MIN_LEFT && scores.iter().any(|&score| score < CONTRADICTED) {
+        let without = |&left_out: &usize| {
+            let rest = kept.iter().filter(|&&index| index != left_out);
+            (left_out, consistencies(rest.map(|&index| &profiles[index])))
         };
-        let gains = kept.iter().map(|&index| (index, without(index) - mean(&scores)));
-        let Some((worst, gain)) = gains.max_by(|a, b| a.1.total_cmp(&b.1)) else { break };
-        if gain < MIN_GAIN {
+        let best = kept.iter().map(without).max_by(|a, b| mean(&a.1).total_cmp(&mean(&b.1)));
+        let Some((left_out, rest)) = best else { break };
+        if mean(&rest) - mean(&scores) < MIN_GAIN {
             break;
         }
-        kept.retain(|&index| index != worst);
-        contradicting.push(worst);
+        kept.retain(|&index| index != left_out);
+        contradicting.push(left_out);
+        scores = rest;
     }
     contradicting
 }
 
-/// Of the views `kept`, each against the others of them.
-fn consistencies(profiles: &[Profile], kept: &[usize]) -> Vec<f64> {
-    let kept: Vec<Profile> = kept.iter().map(|&index| profiles[index].clone()).collect();
-    (0..kept.len()).map(|index| consistency(&kept, index)).collect()
+/// Of each view against all others.
+pub fn consistencies<'a>(profiles: impl IntoIterator<Item = &'a Profile>) -> Vec<f64> {
+    let profiles: Vec<&Profile> = profiles.into_iter().collect();
+    (0..profiles.len()).map(|index| consistency(&profiles, index)).collect()
 }
 
-fn mean(scores: &[f64]) -> f64 {
+pub fn mean(scores: &[f64]) -> f64 {
     scores.iter().sum::<f64>() / scores.len().max(1) as f64
 }

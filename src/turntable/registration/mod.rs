@@ -19,6 +19,7 @@ use rayon::prelude::*;
 use super::silhouette::Silhouettes;
 use super::views::{View, ViewSet};
 use crate::sheet::Azimuth;
+use consistency::{consistencies, contradicting, mean};
 use profile::Profile;
 
 /// Differences up to this are the drawing's own noise, px.
@@ -72,36 +73,45 @@ pub fn register(views: &ViewSet, silhouettes: &Silhouettes) -> Vec<ViewRegistrat
         .map(|silhouette| Profile::new(silhouette, views))
         .collect();
     let origin = views.origin_row_px();
-    let mut found = vertical::register(&profiles, origin);
-    let upright = undone(&profiles, &found.views, origin);
-    score(&upright, &mut found.views);
-    let mut shifted = found.views.clone();
-    for (view, shift_px) in shifted.iter_mut().zip(sideways::shifts(&upright, found.scatter_px)) {
+    let found = vertical::register(&profiles, origin);
+    let upright = Scored::new(found.views, &profiles, origin);
+    let shifts = sideways::shifts(&upright.undone, found.scatter_px);
+    let mut shifted = upright.views.clone();
+    for (view, shift_px) in shifted.iter_mut().zip(shifts) {
         view.shift_x_px = shift_px * view.scale;
     }
-    score(&undone(&profiles, &shifted, origin), &mut shifted);
+    let shifted = Scored::new(shifted, &profiles, origin);
     // What fits the sections' form must fit their bounds too.
-    let worse = mean_consistency(&found.views) - mean_consistency(&shifted) > MAX_LOSS;
-    let mut found = if worse { found.views } else { shifted };
-    for index in consistency::contradicting(&undone(&profiles, &found, origin)) {
-        found[index].contradicts = true;
+    let worse = mean(&upright.scores) - mean(&shifted.scores) > MAX_LOSS;
+    if worse { upright.rated() } else { shifted.rated() }
+}
+
+/// Corrections, the profiles once they are undone, and how well each then
+/// agrees.
+struct Scored {
+    views: Vec<ViewRegistration>,
+    undone: Vec<Profile>,
+    scores: Vec<f64>,
+}
+
+impl Scored {
+    fn new(views: Vec<ViewRegistration>, profiles: &[Profile], origin_row_px: f64) -> Self {
+        let pairs = profiles.iter().zip(&views);
+        let undone: Vec<Profile> =
+            pairs.map(|(profile, found)| profile.corrected(found, origin_row_px)).collect();
+        let scores = consistencies(&undone);
+        Self { views, undone, scores }
     }
-    found
-}
 
-fn score(profiles: &[Profile], found: &mut [ViewRegistration]) {
-    for (index, view) in found.iter_mut().enumerate() {
-        view.consistency = consistency::consistency(profiles, index);
+    fn rated(mut self) -> Vec<ViewRegistration> {
+        for (view, score) in self.views.iter_mut().zip(&self.scores) {
+            view.consistency = *score;
+        }
+        for index in contradicting(&self.undone, self.scores) {
+            self.views[index].contradicts = true;
+        }
+        self.views
     }
-}
-
-fn mean_consistency(found: &[ViewRegistration]) -> f64 {
-    found.iter().map(|view| view.consistency).sum::<f64>() / found.len().max(1) as f64
-}
-
-fn undone(profiles: &[Profile], found: &[ViewRegistration], origin_row_px: f64) -> Vec<Profile> {
-    let pairs = profiles.iter().zip(found);
-    pairs.map(|(profile, found)| profile.corrected(found, origin_row_px)).collect()
 }
 
 /// The views with their corrections undone; `None` if none needs one.

@@ -1,6 +1,7 @@
 use image::GrayImage;
 
 use super::super::ink::{INK_THRESHOLD, InkMap};
+use super::super::raster::two_passes;
 use super::SilhouetteSource;
 use super::bridges::Bridge;
 
@@ -67,25 +68,13 @@ fn image_of(ink: &InkMap, inside: &[bool]) -> GrayImage {
 
 /// Chessboard distance of every pixel to the nearest inked or bridging one, up to 255.
 fn distance_to_ink(ink: &InkMap, bridges: &[Bridge]) -> Vec<u8> {
-    let (width, height) = (ink.width(), ink.height());
     let mut distance: Vec<u8> = ink
         .as_slice()
         .iter()
         .map(|&share| if share > INK_THRESHOLD { 0 } else { u8::MAX })
         .collect();
     bridges.iter().flatten().for_each(|&index| distance[index] = 0);
-    for y in 0..height {
-        let (above, from_here) = distance.split_at_mut(y * width);
-        let row = &mut from_here[..width];
-        relax(row, above.len().checked_sub(width).map(|start| &above[start..]));
-    }
-    distance.reverse();
-    for y in 0..height {
-        let (above, from_here) = distance.split_at_mut(y * width);
-        let row = &mut from_here[..width];
-        relax(row, above.len().checked_sub(width).map(|start| &above[start..]));
-    }
-    distance.reverse();
+    two_passes(&mut distance, ink.width(), relax);
     distance
 }
 

@@ -2,14 +2,14 @@
 
 use image::GrayImage;
 
+use super::super::super::raster::{stroke_scale, two_passes};
 use super::super::sheet::SolidSheet;
 
 /// Smaller regions are eyes and buttons, share of the image's pixels.
 const MIN_AREA: f64 = 600.0 / (960.0 * 540.0);
-/// Regions closer to the outside are bounded by the outline itself, px of
-/// drawings up to [`REFERENCE_ROWS`] high: strokes of higher ones are thicker.
+/// Regions closer to the outside are bounded by the outline itself, px of small
+/// drawings.
 const MIN_RING_PX: f64 = 5.0;
-const REFERENCE_ROWS: f64 = 540.0;
 
 /// A connected region of paper inside an outline.
 pub struct Region {
@@ -70,7 +70,7 @@ pub fn regions_of(sheet: &SolidSheet, view: usize, mask: &GrayImage) -> Vec<Regi
         return Vec::new();
     }
     let depth = chamfer_distance_px(mask);
-    let min_ring_px = MIN_RING_PX * (height as f64 / REFERENCE_ROWS).max(1.0);
+    let min_ring_px = MIN_RING_PX * stroke_scale(height);
     let region = |members| region(view, members, &depth, width, min_ring_px);
     groups.into_iter().filter_map(region).collect()
 }
@@ -103,24 +103,14 @@ fn region(
     })
 }
 
-/// Distance to the nearest pixel outside `mask`, px, by two passes (Borgefors 1986).
+/// Distance to the nearest pixel outside `mask`, px.
 fn chamfer_distance_px(mask: &GrayImage) -> Vec<f32> {
     let (width, height) = (mask.width() as usize, mask.height() as usize);
     let far = (width + height) as f32;
     let mut depth: Vec<f32> =
         mask.as_raw().iter().map(|&level| if level == 0 { 0.0 } else { far }).collect();
     let outside = vec![0.0; width];
-    for y in 0..height {
-        let (above, here) = depth.split_at_mut(y * width);
-        relax(&mut here[..width], above.chunks_exact(width).next_back().unwrap_or(&outside));
-    }
-    // The second pass is the first upside down and right to left.
-    depth.reverse();
-    for y in 0..height {
-        let (above, here) = depth.split_at_mut(y * width);
-        relax(&mut here[..width], above.chunks_exact(width).next_back().unwrap_or(&outside));
-    }
-    depth.reverse();
+    two_passes(&mut depth, width, |row, above| relax(row, above.unwrap_or(&outside)));
     depth
 }
 
