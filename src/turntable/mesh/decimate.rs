@@ -4,20 +4,8 @@ use meshopt::{SimplifyOptions, VertexDataAdapter};
 use nalgebra::Point3;
 
 use super::repair::without_touching;
-use super::surface::QuadMesh;
 use super::topology::check_manifold;
 use crate::geometry::Mesh;
-
-/// Cuts every quad along its shorter diagonal.
-pub fn triangles_of_quads(mesh: &QuadMesh) -> Mesh {
-    let position = |vertex: u32| mesh.positions[vertex as usize];
-    let triangles = mesh.quads.iter().flat_map(|&[a, b, c, d]| {
-        let first = (position(a) - position(c)).norm_squared();
-        let second = (position(b) - position(d)).norm_squared();
-        if first <= second { [[a, b, c], [a, c, d]] } else { [[a, b, d], [b, c, d]] }
-    });
-    Mesh { triangles: triangles.collect(), positions: mesh.positions.clone() }
-}
 
 /// Triangles that are decimated by themselves first.
 const CHUNK_FACES: usize = 16_384;
@@ -43,18 +31,11 @@ pub fn decimated(mesh: &Mesh, target_faces: usize, tolerance_px: f64) -> Mesh {
     let centre = nalgebra::center(&low, &high);
     let vertices = Vertices::new(&mesh.positions, &centre);
     let tolerance_px = tolerance_px.max(0.0) as f32;
-    let merged = merged_by_chunk(&vertices, &mesh.triangles, tolerance_px);
-    let merged = vertices.simplified(&merged, 0, tolerance_px, SimplifyOptions::None);
+    let indices = merged_by_chunk(&vertices, &mesh.triangles, tolerance_px);
     let mut budget = target_faces - target_faces / REPAIR_SHARE;
     let mut closed = None;
     for _ in 0..MAX_ATTEMPTS {
-        let within = merged.len() <= budget * 3;
-        let fewer = if within {
-            None
-        } else {
-            Some(vertices.simplified(&merged, budget, f32::MAX, SimplifyOptions::None))
-        };
-        let indices = fewer.as_ref().unwrap_or(&merged);
+        let indices = vertices.within(&indices, budget, tolerance_px);
         match closed_mesh(compacted(&mesh.positions, indices.as_chunks().0)) {
             Some(mesh) if mesh.triangles.len() <= target_faces => return mesh,
             Some(mesh) => {
@@ -80,21 +61,39 @@ impl Vertices {
         Self { bytes: coordinates.flat_map(f32::to_ne_bytes).collect() }
     }
 
-    /// Fewer triangles, at least `faces`, none off by more than `tolerance_px`.
+    /// At most about `budget` triangles, and fewer where that stays within
+    /// `tolerance_px`.
+    fn within(&self, indices: &[u32], budget: usize, tolerance_px: f32) -> Vec<u32> {
+        let none = SimplifyOptions::None;
+        let (within, error_px) = if indices.len() > budget * 3 {
+            self.simplified(indices, budget, f32::MAX, none)
+        } else {
+            (indices.to_vec(), 0.0)
+        };
+        if error_px < tolerance_px {
+            self.simplified(&within, 0, tolerance_px, none).0
+        } else {
+            within
+        }
+    }
+
+    /// Fewer triangles, at least `faces`, none off by more than `tolerance_px`,
+    /// and by how much they are off.
     fn simplified(
         &self,
         indices: &[u32],
         faces: usize,
         tolerance_px: f32,
         options: SimplifyOptions,
-    ) -> Vec<u32> {
+    ) -> (Vec<u32>, f32) {
         let options = SimplifyOptions::ErrorAbsolute | options;
-        match VertexDataAdapter::new(&self.bytes, 12, 0) {
-            Ok(adapter) => {
-                meshopt::simplify(indices, &adapter, faces * 3, tolerance_px, options, None)
-            }
-            Err(_) => indices.to_vec(),
-        }
+        let mut error_px = 0.0;
+        let error = Some(&mut error_px);
+        let fewer = VertexDataAdapter::new(&self.bytes, 12, 0).map_or_else(
+            |_| indices.to_vec(),
+            |adapter| meshopt::simplify(indices, &adapter, faces * 3, tolerance_px, options, error),
+        );
+        (fewer, error_px)
     }
 }
 
@@ -106,7 +105,7 @@ fn merged_by_chunk(vertices: &Vertices, triangles: &[[u32; 3]], tolerance_px: f3
     let inner = SimplifyOptions::LockBorder | SimplifyOptions::Sparse;
     let chunks: Vec<Vec<u32>> = triangles
         .par_chunks(CHUNK_FACES)
-        .map(|chunk| vertices.simplified(chunk.as_flattened(), 0, tolerance_px, inner))
+        .map(|chunk| vertices.simplified(chunk.as_flattened(), 0, tolerance_px, inner).0)
         .collect();
     chunks.concat()
 }

@@ -1,5 +1,6 @@
 //! From the solid's field to a mesh that a modeller can use.
 
+pub mod clusters;
 pub mod components;
 pub mod confidence;
 pub mod decimate;

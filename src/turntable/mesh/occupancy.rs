@@ -51,6 +51,11 @@ impl Occupancy {
         self.bits[self.row_start(j, k) + i / 64] >> (i % 64) & 1 != 0
     }
 
+    /// Nodes beyond the border are outside too.
+    pub fn get_checked(&self, node: [usize; 3]) -> bool {
+        (0..3).all(|axis| node[axis] < self.nodes[axis] + 2) && self.get(node)
+    }
+
     pub fn set(&mut self, [i, j, k]: [usize; 3]) {
         let word = self.row_start(j, k) + i / 64;
         self.bits[word] |= 1 << (i % 64);
@@ -125,7 +130,7 @@ fn set_bits(mut word: u64) -> impl Iterator<Item = usize> {
 
 /// An outside corner to fill if the cell's inside corners meet only along an
 /// edge or in a point, or its outside corners do.
-fn corner_to_fill(pattern: u8) -> Option<u8> {
+pub fn corner_to_fill(pattern: u8) -> Option<u8> {
     let inside = |corner: u8| pattern >> corner & 1 != 0;
     for axis in 0..3_u8 {
         let (u, v) = (1 << ((axis + 1) % 3), 1 << ((axis + 2) % 3));

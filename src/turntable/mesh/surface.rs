@@ -1,6 +1,7 @@
 //! The surface of a field of signed distances as quads.
 
 use nalgebra::{Point2, Point3};
+use rayon::prelude::*;
 
 use super::super::solid::field::{Field, Lattice};
 use super::occupancy::Occupancy;
@@ -9,8 +10,19 @@ use super::occupancy::Occupancy;
 #[derive(Clone, Debug, Default)]
 pub struct QuadMesh {
     pub positions: Vec<Point3<f64>>,
+    /// Per vertex, the cell that it lies in, by its low corner's index in an
+    /// [`Occupancy`]; ascending along Z, then Y, then X.
+    pub cells: Vec<[u16; 3]>,
     pub quads: Vec<[u32; 4]>,
+    /// Per layer of cells, its first vertex; last, the number of vertices.
+    pub layer_vertices: Vec<usize>,
+    /// Per layer of cells, the first of the quads that touch it and no higher
+    /// one; last, the number of quads.
+    pub layer_quads: Vec<usize>,
 }
+
+/// Layers of cells that are meshed in one go.
+const SLAB_LAYERS: usize = 8;
 
 /// Extracts the zero level of `field` with one vertex per mixed cell.
 ///
@@ -22,41 +34,79 @@ pub struct QuadMesh {
 /// # Source
 /// Latecki, Eckhardt, Rosenfeld 1995, Well-composed sets.
 pub fn quads_of_field(field: &Field, inside: &Occupancy) -> QuadMesh {
-    let [nx, ny, nz] = field.lattice.nodes;
-    let mut mesh = QuadMesh::default();
-    // Vertex of the cells below and of the layer of cells at the current slice.
-    let cells = (nx + 1) * (ny + 1);
-    let mut below = vec![u32::MAX; cells];
     // Cell (i, j, k) spans nodes i-1..=i, j-1..=j, k-1..=k; nodes beyond the
     // lattice are outside.
-    for k in 0..=nz {
-        let current = layer(field, inside, k, &mut mesh.positions);
-        horizontal_edges(inside, k, [&below, &current], &mut mesh.quads);
-        if k < nz {
-            below = current;
-        }
+    let count = field.lattice.nodes[2] + 1;
+    let layers: Vec<Layer> =
+        (0..count).into_par_iter().map(|k| Layer::new(field, inside, k)).collect();
+    let layer_vertices = starts(layers.iter().map(|layer| layer.cells.len()));
+    let slabs: Vec<usize> = (0..count).step_by(SLAB_LAYERS).collect();
+    let quads: Vec<Vec<Vec<[u32; 4]>>> = slabs
+        .into_par_iter()
+        .map(|from| {
+            let indexed = |k: usize| layers[k].indexed(inside, layer_vertices[k]);
+            // Nothing crosses the border below the lowest layer.
+            let mut below = from.checked_sub(1).map(indexed).unwrap_or_default();
+            let slab = from..(from + SLAB_LAYERS).min(count);
+            slab.map(|k| {
+                let current = indexed(k);
+                let quads = quads_of_layer(inside, k, [&below, &current]);
+                below = current;
+                quads
+            })
+            .collect()
+        })
+        .collect();
+    let layer_quads = starts(quads.iter().flatten().map(Vec::len));
+    let (cells, positions): (Vec<_>, Vec<_>) =
+        layers.into_iter().map(|layer| (layer.cells, layer.positions)).unzip();
+    QuadMesh {
+        positions: positions.concat(),
+        cells: cells.concat(),
+        quads: quads.into_iter().flatten().flatten().collect(),
+        layer_vertices,
+        layer_quads,
     }
-    mesh
 }
 
-/// Places the vertices of the layer of cells between slices `k - 1` and `k`.
-fn layer(
-    field: &Field,
-    inside: &Occupancy,
-    k: usize,
-    positions: &mut Vec<Point3<f64>>,
-) -> Vec<u32> {
-    let [nx, ny, _] = field.lattice.nodes;
-    let mut vertices = vec![u32::MAX; (nx + 1) * (ny + 1)];
-    let creases = creases_of_layer(field, k);
-    for j in 0..=ny {
-        for i in inside.mixed_columns(j, k) {
-            let cell = [i, j, k];
-            vertices[j * (nx + 1) + i] = positions.len() as u32;
-            positions.push(vertex(field, inside, cell, &creases));
+/// Where each of several runs starts, and the end of the last.
+fn starts(lengths: impl Iterator<Item = usize>) -> Vec<usize> {
+    let mut next = 0;
+    let ends = lengths.map(|length| {
+        next += length;
+        next
+    });
+    std::iter::once(0).chain(ends).collect()
+}
+
+/// The vertices of the cells between slices `k - 1` and `k`.
+struct Layer {
+    cells: Vec<[u16; 3]>,
+    positions: Vec<Point3<f64>>,
+}
+
+impl Layer {
+    fn new(field: &Field, inside: &Occupancy, k: usize) -> Self {
+        let creases = creases_of_layer(field, k);
+        let mut layer = Self { cells: Vec::new(), positions: Vec::new() };
+        for j in 0..=field.lattice.nodes[1] {
+            for i in inside.mixed_columns(j, k) {
+                layer.cells.push([i, j, k].map(|index| index as u16));
+                layer.positions.push(vertex(field, inside, [i, j, k], &creases));
+            }
         }
+        layer
     }
-    vertices
+
+    /// The vertex of every cell of the layer, row by row; `u32::MAX` for none.
+    fn indexed(&self, inside: &Occupancy, first: usize) -> Vec<u32> {
+        let [nx, ny, _] = inside.nodes();
+        let mut vertices = vec![u32::MAX; (nx + 1) * (ny + 1)];
+        for (&[i, j, _], index) in self.cells.iter().zip(first as u32..) {
+            vertices[usize::from(j) * (nx + 1) + usize::from(i)] = index;
+        }
+        vertices
+    }
 }
 
 /// Crease points of a layer by cell column: (j * (nx + 1) + i, point), sorted.
@@ -83,12 +133,14 @@ fn vertex(
     creases: &[(usize, Point2<f64>)],
 ) -> Point3<f64> {
     let lattice = &field.lattice;
+    let pattern = inside.pattern(cell);
+    let values: [f64; 8] = std::array::from_fn(|corner| value(field, node(cell, corner as u8)));
     let mut sum = Point3::origin().coords;
     let mut count = 0.0;
-    for (a, b) in EDGES {
-        let (from, to) = (node(cell, a), node(cell, b));
-        if inside.get(from) != inside.get(to) {
-            sum += crossing(field, from, to);
+    for (a, b) in EDGES.map(|(a, b)| (usize::from(a), usize::from(b))) {
+        if (pattern >> a ^ pattern >> b) & 1 != 0 {
+            let (from, to) = (node(cell, a as u8), node(cell, b as u8));
+            sum += crossing(lattice, (from, values[a]), (to, values[b]));
             count += 1.0;
         }
     }
@@ -126,18 +178,24 @@ fn node(cell: [usize; 3], corner: u8) -> [usize; 3] {
     std::array::from_fn(|axis| cell[axis] + usize::from(corner >> axis & 1))
 }
 
-/// Where the surface crosses the edge between two nodes (indices plus one).
-fn crossing(field: &Field, from: [usize; 3], to: [usize; 3]) -> nalgebra::Vector3<f64> {
-    let value = |node: [usize; 3]| -> f64 {
-        match node.map(|index| index.checked_sub(1)) {
-            [Some(i), Some(j), Some(k)] => f64::from(field.at(i, j, k)),
-            _ => -field.lattice.truncation_px(),
-        }
-    };
-    let (a, b) = (value(from), value(to));
+/// The field at a node (indices plus one).
+fn value(field: &Field, node: [usize; 3]) -> f64 {
+    match node.map(|index| index.checked_sub(1)) {
+        [Some(i), Some(j), Some(k)] => f64::from(field.at(i, j, k)),
+        _ => -field.lattice.truncation_px(),
+    }
+}
+
+/// Where the surface crosses the edge between two nodes (indices plus one) with
+/// the field's values there.
+fn crossing(
+    lattice: &Lattice,
+    (from, a): ([usize; 3], f64),
+    (to, b): ([usize; 3], f64),
+) -> nalgebra::Vector3<f64> {
     // Nodes flipped to keep the set well composed have no crossing of their own.
     let share = if (a > 0.0) == (b > 0.0) { 0.5 } else { (a / (a - b)).clamp(0.02, 0.98) };
-    let (from, to) = (position(&field.lattice, from), position(&field.lattice, to));
+    let (from, to) = (position(lattice, from), position(lattice, to));
     from.coords + (to - from) * share
 }
 
@@ -148,13 +206,9 @@ fn position(lattice: &Lattice, node: [usize; 3]) -> Point3<f64> {
 
 /// Emits the quads around lattice edges of slice `k - 1` along X and Y, and
 /// around the edges from it to slice `k`.
-fn horizontal_edges(
-    inside: &Occupancy,
-    k: usize,
-    [below, current]: [&[u32]; 2],
-    quads: &mut Vec<[u32; 4]>,
-) {
+fn quads_of_layer(inside: &Occupancy, k: usize, [below, current]: [&[u32]; 2]) -> Vec<[u32; 4]> {
     let [nx, ny, _] = inside.nodes();
+    let mut quads = Vec::new();
     let at = |cells: &[u32], i: usize, j: usize| cells[j * (nx + 1) + i];
     for j in 0..=ny {
         for i in inside.mixed_columns(j, k) {
@@ -189,4 +243,5 @@ fn horizontal_edges(
             }
         }
     }
+    quads
 }

@@ -28,7 +28,7 @@ use super::mesh::marching::marching_cubes;
 use super::mesh::occupancy::Occupancy;
 use super::mesh::shading::{CREASE_ANGLE_DEG, crease_edges};
 use super::mesh::texture::Rig;
-use super::mesh::{components, decimate, surface};
+use super::mesh::{clusters, components, decimate, surface};
 use super::silhouette::Silhouettes;
 use super::views::ViewSet;
 use crate::geometry::Mesh;
@@ -74,7 +74,7 @@ pub struct SolidReport {
     pub sharp_corners: usize,
     pub corners: usize,
     pub pieces: components::Pieces,
-    /// Triangles before and after decimation.
+    /// Triangles of the surface as it was found, and in the end.
     pub full_faces: usize,
     pub faces: usize,
 }
@@ -158,7 +158,6 @@ pub fn build(
         (options.target_faces as usize).max(MIN_TARGET_FACES),
         options.tolerance_px,
     );
-    report.full_faces = full.triangles.len();
     report.faces = mesh.triangles.len();
     tell(progress, SolidStage::Support)?;
     Ok(Solid {
@@ -201,7 +200,7 @@ fn prepared_sheet(
     sheet
 }
 
-/// The solid's surface before decimation.
+/// The solid's surface, coarser where it is flat.
 fn full_mesh(
     sheet: &SolidSheet,
     input: &SolidInput,
@@ -220,7 +219,9 @@ fn full_mesh(
     if options.kind == SolidKind::Voxel {
         tell(progress, SolidStage::Surface)?;
         let occupancy = voxel::carve(&lattice, &directions, sheet.origin_row_px);
-        return Ok(marching_cubes(&lattice, &occupancy));
+        let mesh = marching_cubes(&lattice, &occupancy);
+        report.full_faces = mesh.triangles.len();
+        return Ok(mesh);
     }
     let mut slices = slices_of(sheet, &directions, &lattice);
     report.slices = slices.len();
@@ -243,7 +244,9 @@ fn full_mesh(
     }
     tell(progress, SolidStage::Surface)?;
     let occupancy = Occupancy::of_field(&field);
-    Ok(decimate::triangles_of_quads(&surface::quads_of_field(&field, &occupancy)))
+    let quads = surface::quads_of_field(&field, &occupancy);
+    report.full_faces = quads.quads.len() * 2;
+    Ok(clusters::clustered(&quads, &occupancy, options.tolerance_px))
 }
 
 /// The camera rig of `views`, for textures and visibility.

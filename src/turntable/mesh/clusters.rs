@@ -1,0 +1,368 @@
+//! Fewer vertices where the surface is flat, before edges are collapsed one by
+//! one: blocks of cells get one vertex each, as leaves of an octree do.
+
+use nalgebra::{Matrix3, Point3, Vector3};
+use rayon::prelude::*;
+
+use super::occupancy::{Occupancy, corner_to_fill};
+use super::surface::QuadMesh;
+use crate::geometry::Mesh;
+
+/// Blocks are at most this many cells long.
+const LARGEST_BLOCK: usize = 4;
+/// The share of a block's area that its directed area must be: more bent ones
+/// hold creases.
+const MIN_COHERENCE: f64 = 0.9;
+
+/// The mesh's triangles, with the vertices of a block of cells made one where
+/// it stays within `tolerance_px`, root mean square, of all faces around, and
+/// the surface through the block is a disk.
+///
+/// * `inside`: what `mesh` is the surface of.
+///
+/// # Source
+/// Ju, Losasso, Schaefer, Warren 2002, Dual contouring of Hermite data: octree
+/// simplification and its topology safety test.
+pub fn clustered(mesh: &QuadMesh, inside: &Occupancy, tolerance_px: f64) -> Mesh {
+    let merger = Merger { mesh, inside, tolerance_px };
+    let (mut block_of, mut blocks) = merger.blocks_of_cells();
+    let mut places: Vec<u32> = (0..mesh.positions.len() as u32).collect();
+    let mut length = 2;
+    loop {
+        for (place, &block) in places.iter_mut().zip(&block_of) {
+            let block = &blocks[block as usize];
+            *place = if block.is_one { block.place } else { *place };
+        }
+        length *= 2;
+        if length > LARGEST_BLOCK {
+            return triangles(mesh, &places);
+        }
+        let (larger, next) = merger.blocks_of_blocks(&blocks, length);
+        block_of.iter_mut().for_each(|block| *block = larger[*block as usize]);
+        blocks = next;
+    }
+}
+
+/// Cuts every quad along its shorter diagonal, each vertex replaced by its
+/// entry in `places`; what has no area left is dropped.
+fn triangles(mesh: &QuadMesh, places: &[u32]) -> Mesh {
+    let mut new_index = vec![u32::MAX; mesh.positions.len()];
+    let mut out = Mesh::default();
+    let position = |vertex: u32| mesh.positions[vertex as usize];
+    for quad in &mesh.quads {
+        let [a, b, c, d] = quad.map(|vertex| places[vertex as usize]);
+        let first = (position(a) - position(c)).norm_squared();
+        let second = (position(b) - position(d)).norm_squared();
+        let halves = if first <= second { [[a, b, c], [a, c, d]] } else { [[a, b, d], [b, c, d]] };
+        for [a, b, c] in halves {
+            if a == b || b == c || c == a {
+                continue;
+            }
+            out.triangles.push([a, b, c].map(|vertex| {
+                let index = &mut new_index[vertex as usize];
+                if *index == u32::MAX {
+                    *index = out.positions.len() as u32;
+                    out.positions.push(position(vertex));
+                }
+                *index
+            }));
+        }
+    }
+    out
+}
+
+/// A cube of cells.
+struct Block {
+    /// Its index on each axis among blocks of its size.
+    at: [u16; 3],
+    /// Whether its vertices are made one.
+    is_one: bool,
+    /// The vertex where they are put.
+    place: u32,
+    faces: Faces,
+}
+
+/// The planes of faces, for distances from them.
+#[derive(Clone, Copy, Default)]
+struct Faces {
+    /// Area-weighted sums of `n n'`, `d n` and `d d` over planes `n p + d = 0`.
+    quadratic: Matrix3<f64>,
+    linear: Vector3<f64>,
+    constant: f64,
+    area: f64,
+    directed: Vector3<f64>,
+}
+
+impl Faces {
+    fn of_quad(corners: [Point3<f64>; 4]) -> Self {
+        let [a, b, c, d] = corners.map(|corner| corner.coords);
+        let directed = (c - a).cross(&(d - b)) / 2.0;
+        let area = directed.norm();
+        let normal = directed.try_normalize(1e-12).unwrap_or_default();
+        let offset = -normal.dot(&(a + b + c + d)) / 4.0;
+        Self {
+            quadratic: normal * normal.transpose() * area,
+            linear: normal * (offset * area),
+            constant: offset * offset * area,
+            area,
+            directed,
+        }
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.quadratic += other.quadratic;
+        self.linear += other.linear;
+        self.constant += other.constant;
+        self.area += other.area;
+        self.directed += other.directed;
+    }
+
+    /// The mean squared distance of `point` from the planes.
+    fn mean_squared(&self, point: &Vector3<f64>) -> f64 {
+        let sum = point.dot(&(self.quadratic * point)) + 2.0 * self.linear.dot(point);
+        (sum + self.constant) / self.area.max(1e-12)
+    }
+
+    fn is_bent(&self) -> bool {
+        self.directed.norm() < MIN_COHERENCE * self.area
+    }
+}
+
+/// The vertices of a block that may stand for all.
+#[derive(Clone, Copy, Default)]
+struct Candidates {
+    vertices: [u32; 8],
+    count: usize,
+}
+
+impl Candidates {
+    fn push(&mut self, vertex: u32) {
+        self.vertices[self.count] = vertex;
+        self.count += 1;
+    }
+}
+
+struct Merger<'a> {
+    mesh: &'a QuadMesh,
+    inside: &'a Occupancy,
+    tolerance_px: f64,
+}
+
+impl Merger<'_> {
+    /// Blocks two cells long; per vertex the block, by index, and the blocks.
+    fn blocks_of_cells(&self) -> (Vec<u32>, Vec<Block>) {
+        let layers = self.mesh.layer_vertices.len() - 1;
+        let slabs: Vec<_> =
+            (0..layers.div_ceil(2)).into_par_iter().map(|slab| self.slab(slab * 2)).collect();
+        let (mut block_of, mut blocks) = (Vec::with_capacity(self.mesh.cells.len()), Vec::new());
+        for (of_slab, mut own) in slabs {
+            let first = blocks.len() as u32;
+            block_of.extend(of_slab.into_iter().map(|block| first + block));
+            blocks.append(&mut own);
+        }
+        (block_of, blocks)
+    }
+
+    /// The same of the layers of cells `k` and `k + 1`.
+    fn slab(&self, k: usize) -> (Vec<u32>, Vec<Block>) {
+        let starts = &self.mesh.layer_vertices;
+        let first = starts[k];
+        let cells = &self.mesh.cells[first..starts[(k + 2).min(starts.len() - 1)]];
+        let mut grouped = Grouped::new(self.inside);
+        for (&cell, vertex) in cells.iter().zip(first as u32..) {
+            grouped.push(cell, vertex, true);
+        }
+        let Grouped { parents, mut blocks, candidates, .. } = grouped;
+        for block in &mut blocks {
+            block.is_one = self.is_disk(block.at, 2);
+        }
+        // The quads of the layer above touch this one from above.
+        let starts = &self.mesh.layer_quads;
+        for quad in &self.mesh.quads[starts[k]..starts[(k + 3).min(starts.len() - 1)]] {
+            let owners = quad.map(|vertex| {
+                let own = (vertex as usize).checked_sub(first);
+                own.and_then(|own| parents.get(own)).copied()
+            });
+            let is_first = |n: usize| !owners[..n].contains(&owners[n]);
+            let distinct = (0..4).filter(|&n| is_first(n)).filter_map(|n| owners[n]);
+            let mut faces = None;
+            for owner in distinct {
+                let block = &mut blocks[owner as usize];
+                if block.is_one {
+                    let corners = || quad.map(|vertex| self.mesh.positions[vertex as usize]);
+                    block.faces.add(faces.get_or_insert_with(|| Faces::of_quad(corners())));
+                }
+            }
+        }
+        for (block, candidates) in blocks.iter_mut().zip(&candidates) {
+            self.settle(block, candidates);
+        }
+        (parents, blocks)
+    }
+
+    /// Blocks `length` cells long; per block half as long the larger one, by
+    /// index, and the larger ones.
+    fn blocks_of_blocks(&self, halves: &[Block], length: usize) -> (Vec<u32>, Vec<Block>) {
+        let mut grouped = Grouped::new(self.inside);
+        for half in halves {
+            grouped.push(half.at, half.place, half.is_one);
+        }
+        let Grouped { parents, mut blocks, candidates, .. } = grouped;
+        for (half, &parent) in halves.iter().zip(&parents) {
+            blocks[parent as usize].faces.add(&half.faces);
+        }
+        for (block, candidates) in blocks.iter_mut().zip(&candidates) {
+            block.is_one = block.is_one && self.is_disk(block.at, length);
+            self.settle(block, candidates);
+        }
+        (parents, blocks)
+    }
+
+    /// Whether the surface through a block whose eight parts hold a disk each
+    /// is a disk itself: every node between its corners is like one of those
+    /// that it lies between.
+    fn is_disk(&self, at: [u16; 3], length: usize) -> bool {
+        let half = length / 2;
+        let base = at.map(|index| usize::from(index) * length);
+        let is_inside = |steps: [usize; 3]| {
+            self.inside.get_checked(std::array::from_fn(|axis| base[axis] + steps[axis] * half))
+        };
+        let corner = |corner: usize| [corner & 1, corner >> 1 & 1, corner >> 2].map(|bit| bit * 2);
+        let pattern = (0..8).fold(0, |all, n| all | u8::from(is_inside(corner(n))) << n);
+        if corner_to_fill(pattern).is_some() {
+            return false;
+        }
+        (0..27).all(|n| {
+            let steps = [n % 3, n / 3 % 3, n / 9];
+            let near = |n: &usize| {
+                let corner = corner(*n);
+                (0..3).all(|axis| steps[axis] == 1 || steps[axis] == corner[axis])
+            };
+            let own = is_inside(steps);
+            (0..8).filter(near).any(|n| (pattern >> n & 1 != 0) == own)
+        })
+    }
+
+    /// Puts the block where it fits the faces around best, if it fits them.
+    fn settle(&self, block: &mut Block, candidates: &Candidates) {
+        if !block.is_one {
+            return;
+        }
+        let misfit =
+            |&vertex: &u32| block.faces.mean_squared(&self.mesh.positions[vertex as usize].coords);
+        let vertices = &candidates.vertices[..candidates.count];
+        let misfits = vertices.iter().map(|vertex| (misfit(vertex), *vertex));
+        let best = misfits.min_by(|a, b| a.0.total_cmp(&b.0));
+        let fits = best.filter(|best| best.0 <= self.tolerance_px * self.tolerance_px);
+        match fits.filter(|_| !block.faces.is_bent()) {
+            Some((_, vertex)) => block.place = vertex,
+            None => block.is_one = false,
+        }
+    }
+}
+
+/// Parts, in order of their layers, by the block twice as long.
+struct Grouped {
+    /// Blocks along Y and X.
+    width: usize,
+    height: usize,
+    /// The block of each column of the layer at hand.
+    index: Vec<u32>,
+    layer: Option<u16>,
+    parents: Vec<u32>,
+    blocks: Vec<Block>,
+    candidates: Vec<Candidates>,
+}
+
+impl Grouped {
+    fn new(inside: &Occupancy) -> Self {
+        let [nx, ny, _] = inside.nodes();
+        let (width, height) = (nx / 2 + 1, ny / 2 + 1);
+        Self {
+            width,
+            height,
+            index: Vec::new(),
+            layer: None,
+            parents: Vec::new(),
+            blocks: Vec::new(),
+            candidates: Vec::new(),
+        }
+    }
+
+    /// Adds the part at `at`; its block is one only if all its parts are.
+    fn push(&mut self, at: [u16; 3], place: u32, is_one: bool) {
+        let at = at.map(|index| index / 2);
+        if self.layer != Some(at[2]) {
+            self.layer = Some(at[2]);
+            self.index = vec![u32::MAX; self.width * self.height];
+        }
+        let block = &mut self.index[usize::from(at[1]) * self.width + usize::from(at[0])];
+        if *block == u32::MAX {
+            *block = self.blocks.len() as u32;
+            self.blocks.push(Block { at, is_one: true, place, faces: Faces::default() });
+            self.candidates.push(Candidates::default());
+        }
+        self.parents.push(*block);
+        self.blocks[*block as usize].is_one &= is_one;
+        self.candidates[*block as usize].push(place);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{Rng, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    use super::super::super::solid::field::{Field, Lattice, Plane};
+    use super::super::surface::quads_of_field;
+    use super::super::topology::check_manifold;
+    use super::*;
+
+    const NODES: usize = 24;
+
+    fn meshed(value: impl Fn(Point3<f64>) -> f64) -> (QuadMesh, Occupancy) {
+        let lattice = Lattice { origin: Point3::origin(), pitch_px: 1.0, nodes: [NODES; 3] };
+        let plane = |k| {
+            let nodes = (0..NODES * NODES).map(|n| (n % NODES, n / NODES));
+            let values =
+                nodes.map(|(i, j)| value(Point3::new(i as f64, j as f64, k as f64)) as f32);
+            Plane { first: [0; 2], size: [NODES; 2], values: values.collect(), creases: Vec::new() }
+        };
+        let field = Field { lattice, planes: (0..NODES).map(plane).collect() };
+        let inside = Occupancy::of_field(&field);
+        (quads_of_field(&field, &inside), inside)
+    }
+
+    #[test]
+    fn flat_faces_become_coarse_and_stay_where_they_are() {
+        let (quads, inside) =
+            meshed(|p| (0..3).map(|axis| 8.3 - (p[axis] - 11.5).abs()).fold(f64::MAX, f64::min));
+        let fine = triangles(&quads, &(0..quads.cells.len() as u32).collect::<Vec<_>>());
+        let coarse = clustered(&quads, &inside, 0.2);
+        assert_eq!(check_manifold(&coarse), Ok(()));
+        assert!(coarse.triangles.len() * 3 < fine.triangles.len());
+        assert!((coarse.signed_volume() / fine.signed_volume() - 1.0).abs() < 0.01);
+    }
+
+    #[test]
+    fn whatever_the_solid_is_it_stays_closed_and_keeps_its_handles() {
+        let mut random = ChaCha8Rng::seed_from_u64(7);
+        let euler = |mesh: &Mesh| mesh.positions.len() as i64 - mesh.triangles.len() as i64 / 2;
+        let mut merged = 0;
+        for _ in 0..40 {
+            let waves: [[f64; 4]; 5] =
+                std::array::from_fn(|_| [(); 4].map(|()| random.random_range(-1.0..1.0)));
+            let (quads, inside) = meshed(|p| {
+                let wave = |w: &[f64; 4]| (p.x * w[0] + p.y * w[1] + p.z * w[2] + 6.0 * w[3]).sin();
+                waves.iter().map(wave).sum::<f64>()
+            });
+            let fine = triangles(&quads, &(0..quads.cells.len() as u32).collect::<Vec<_>>());
+            assert_eq!(check_manifold(&fine), Ok(()));
+            let coarse = clustered(&quads, &inside, 0.5);
+            assert_eq!(check_manifold(&coarse), Ok(()));
+            assert_eq!(euler(&coarse), euler(&fine));
+            merged += fine.positions.len() - coarse.positions.len();
+        }
+        assert!(merged > 10_000, "only {merged} vertices were merged");
+    }
+}
