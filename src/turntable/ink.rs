@@ -18,18 +18,20 @@ impl InkMap {
     /// grey that at least 0.05 % of the pixels reach, so that pencil on
     /// tinted paper reads as black on white does.
     pub fn from_image(image: &GrayImage) -> Self {
-        let paper = f32::from(border_median(image));
-        let darkest = f32::from(dark_level(image)).min(paper - 32.0);
-        let scale = 1.0 / (paper - darkest).max(1.0);
+        let share_of_grey = shares_of_greys(image);
+        let shares = image.as_raw().iter().map(|&grey| share_of_grey[usize::from(grey)]);
         Self {
             width: image.width() as usize,
             height: image.height() as usize,
-            ink: image
-                .as_raw()
-                .iter()
-                .map(|&grey| ((paper - f32::from(grey)) * scale).clamp(0.0, 1.0))
-                .collect(),
+            ink: shares.collect(),
         }
+    }
+
+    /// The part of the map from column and row `from` up to, without, `to`;
+    /// both within the map.
+    pub fn cropped(&self, from: [usize; 2], to: [usize; 2]) -> Self {
+        let rows = (from[1]..to[1]).flat_map(|y| &self.row(y)[from[0]..to[0]]);
+        Self { width: to[0] - from[0], height: to[1] - from[1], ink: rows.copied().collect() }
     }
 
     pub fn width(&self) -> usize {
@@ -61,23 +63,44 @@ impl InkMap {
     }
 }
 
+/// Per pixel of `image`, whether it is part of a line.
+pub fn inked(image: &GrayImage) -> Vec<bool> {
+    let is_ink = shares_of_greys(image).map(|share| share > INK_THRESHOLD);
+    image.as_raw().iter().map(|&grey| is_ink[usize::from(grey)]).collect()
+}
+
+/// The ink that each grey of `image` stands for.
+fn shares_of_greys(image: &GrayImage) -> [f32; 256] {
+    let paper = f32::from(border_median(image));
+    let darkest = f32::from(dark_level(image)).min(paper - 32.0);
+    let scale = 1.0 / (paper - darkest).max(1.0);
+    std::array::from_fn(|grey| ((paper - grey as f32) * scale).clamp(0.0, 1.0))
+}
+
 fn border_median(image: &GrayImage) -> u8 {
-    let (width, height) = image.dimensions();
     let mut histogram = [0_u64; 256];
-    for (x, y, pixel) in image.enumerate_pixels() {
-        if x == 0 || y == 0 || x + 1 == width || y + 1 == height {
-            histogram[usize::from(pixel.0[0])] += 1;
-        }
+    let last = image.height().saturating_sub(1) as usize;
+    for (y, row) in image.as_raw().chunks_exact(image.width().max(1) as usize).enumerate() {
+        // Of rows between top and bottom the first and the last pixel.
+        let step = if y == 0 || y == last { 1 } else { (row.len() - 1).max(1) };
+        row.iter().step_by(step).for_each(|&grey| histogram[usize::from(grey)] += 1);
     }
     let half = histogram.iter().sum::<u64>().div_ceil(2);
     level_reaching(&histogram, half)
 }
 
 fn dark_level(image: &GrayImage) -> u8 {
-    let mut histogram = [0_u64; 256];
-    for &grey in image.as_raw() {
-        histogram[usize::from(grey)] += 1;
+    // Counters take turns: paper would have each wait for the one before.
+    let mut turns = [[0_u32; 256]; 4];
+    let (fours, rest) = image.as_raw().as_chunks::<4>();
+    for greys in fours {
+        for (turn, &grey) in turns.iter_mut().zip(greys) {
+            turn[usize::from(grey)] += 1;
+        }
     }
+    rest.iter().for_each(|&grey| turns[0][usize::from(grey)] += 1);
+    let histogram =
+        std::array::from_fn(|grey| turns.iter().map(|turn| u64::from(turn[grey])).sum());
     level_reaching(&histogram, (image.as_raw().len() as u64).div_ceil(2000))
 }
 

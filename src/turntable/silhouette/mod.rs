@@ -7,7 +7,7 @@ mod opposite;
 
 use image::GrayImage;
 
-use super::ink::InkMap;
+use super::ink::{INK_THRESHOLD, InkMap};
 use super::views::{View, ViewSet};
 use crate::sheet::Azimuth;
 
@@ -58,6 +58,55 @@ pub enum SilhouetteError {
 /// The smallest area that counts as a drawing, px.
 const MIN_AREA_PX: usize = 16;
 
+/// The part of an image where something is drawn: paper around it need not be
+/// looked at.
+struct Window {
+    /// The first column and row, and those after the last.
+    from: [usize; 2],
+    to: [usize; 2],
+}
+
+impl Window {
+    /// The lines' bounds, with so much paper around that closing gaps of up to
+    /// `max_gap_px` leaves the image's border and theirs connected.
+    fn of_ink(ink: &InkMap, max_gap_px: usize) -> Self {
+        let is_ink = |share: &f32| *share > INK_THRESHOLD;
+        let (mut from, mut to) = ([ink.width(), ink.height()], [0; 2]);
+        for y in 0..ink.height() {
+            let row = ink.row(y);
+            if let Some(first) = row.iter().position(is_ink) {
+                let last = row.iter().rposition(is_ink).unwrap_or(first);
+                from = [from[0].min(first), from[1].min(y)];
+                to = [to[0].max(last + 1), y + 1];
+            }
+        }
+        if to == [0; 2] {
+            return Self { from: [0; 2], to: [ink.width(), ink.height()] };
+        }
+        let margin = max_gap_px.div_ceil(2) + 2;
+        Self {
+            from: from.map(|from| from.saturating_sub(margin)),
+            to: [(to[0] + margin).min(ink.width()), (to[1] + margin).min(ink.height())],
+        }
+    }
+
+    /// What is in the window, in an image that is 0 around it.
+    fn pasted(&self, inner: &GrayImage, (width, height): (u32, u32)) -> GrayImage {
+        let mut image = GrayImage::new(width, height);
+        let rows = image.chunks_exact_mut(width as usize).skip(self.from[1]);
+        for (row, inner) in rows.zip(inner.as_raw().chunks_exact(inner.width().max(1) as usize)) {
+            row[self.from[0]..self.to[0]].copy_from_slice(inner);
+        }
+        image
+    }
+
+    /// The index in an image of `width` columns of the window's pixel `index`.
+    fn index_outside(&self, index: usize, width: usize) -> usize {
+        let own_width = self.to[0] - self.from[0];
+        (index / own_width + self.from[1]) * width + index % own_width + self.from[0]
+    }
+}
+
 impl Silhouette {
     /// Takes the view's mask, or fills the outside of its outline from the
     /// image's border.
@@ -66,16 +115,22 @@ impl Silhouette {
     /// [`SilhouetteError`] if nothing, or everything, is inside.
     pub fn of_view(view: &View, options: &SilhouetteOptions) -> Result<Self, SilhouetteError> {
         let ink = InkMap::from_image(&view.image);
-        let bridges = bridges::bridges(&ink, options.max_gap_px);
+        let drawn = Window::of_ink(&ink, options.max_gap_px as usize);
+        let lines = ink.cropped(drawn.from, drawn.to);
+        let bridges = bridges::bridges(&lines, options.max_gap_px);
         let (mask, source) = match &view.mask {
             Some(mask) => (fill::binarised(mask), SilhouetteSource::Given),
-            None => fill::filled_outline(&ink, &bridges, options.max_gap_px),
+            None => {
+                let (mask, source) = fill::filled_outline(&lines, &bridges, options.max_gap_px);
+                (drawn.pasted(&mask, view.image.dimensions()), source)
+            }
         };
         let half_line_px = match source {
             SilhouetteSource::Given => 0.0,
             _ => edges::half_line_px(&ink, &mask),
         };
-        let bridges = bridges.concat();
+        let bridges = bridges.concat().into_iter();
+        let bridges = bridges.map(|index| drawn.index_outside(index, ink.width())).collect();
         let intervals = edges::row_intervals(&ink, &mask, half_line_px);
         Self { azimuth: view.azimuth, mask, source, half_line_px, bridges, intervals }.checked()
     }

@@ -1,6 +1,6 @@
 //! The views as the solid's stages see them.
 
-use super::super::ink::{INK_THRESHOLD, InkMap};
+use super::super::ink;
 use super::super::silhouette::Silhouettes;
 use super::super::views::ViewSet;
 use super::crease::InkEvidence;
@@ -42,14 +42,8 @@ impl SolidSheet {
         use rayon::prelude::*;
         let axis_px = views.axis_px();
         let (width, height) = (views.width() as usize, views.height() as usize);
-        let ink: Vec<Vec<bool>> = views
-            .views()
-            .par_iter()
-            .map(|view| {
-                let map = InkMap::from_image(&view.image);
-                map.as_slice().iter().map(|&share| share > INK_THRESHOLD).collect()
-            })
-            .collect();
+        let ink: Vec<Vec<bool>> =
+            views.views().par_iter().map(|view| ink::inked(&view.image)).collect();
         let near_ink = ink
             .par_iter()
             .zip(&silhouettes.silhouettes)

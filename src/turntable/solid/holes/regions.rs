@@ -11,11 +11,14 @@ const MIN_AREA: f64 = 600.0 / (960.0 * 540.0);
 /// drawings.
 const MIN_RING_PX: f64 = 5.0;
 
+/// (row, first column, one past the last).
+pub type Run = (usize, usize, usize);
+
 /// A connected region of paper inside an outline.
 pub struct Region {
     pub view: usize,
-    /// (row, first column, one past the last).
-    pub runs: Vec<(usize, usize, usize)>,
+    /// Row by row.
+    pub runs: Vec<Run>,
     pub area: usize,
     /// The thinnest material around it over the root of its area.
     pub ring: f64,
@@ -31,76 +34,83 @@ pub fn columns_of(region: &Region, y: usize, margin_px: f64, axis_px: f64) -> Ve
 
 /// Paper inside the outline, well away from it, by connected regions.
 pub fn regions_of(sheet: &SolidSheet, view: usize, mask: &GrayImage) -> Vec<Region> {
-    let (width, height) = (sheet.width, sheet.height);
-    let min_area = (MIN_AREA * (width * height) as f64) as usize;
-    let near_ink = sheet.near_ink(view);
-    let is_paper =
-        |x: usize, y: usize| mask.as_raw()[y * width + x] != 0 && !near_ink[y * width + x];
-    let mut label = vec![u32::MAX; width * height];
-    let mut groups: Vec<Vec<usize>> = Vec::new();
-    let mut pending = Vec::new();
-    for start in 0..width * height {
-        if label[start] != u32::MAX || !is_paper(start % width, start / width) {
-            continue;
-        }
-        let id = groups.len() as u32;
-        label[start] = id;
-        pending.push(start);
-        let mut members = Vec::new();
-        while let Some(pixel) = pending.pop() {
-            members.push(pixel);
-            let (x, y) = (pixel % width, pixel / width);
-            let sides = [
-                (x > 0).then(|| pixel - 1),
-                (x + 1 < width).then_some(pixel + 1),
-                pixel.checked_sub(width),
-                (y + 1 < height).then_some(pixel + width),
-            ];
-            for next in sides.into_iter().flatten() {
-                if label[next] == u32::MAX && is_paper(next % width, next / width) {
-                    label[next] = id;
-                    pending.push(next);
-                }
-            }
-        }
-        groups.push(members);
-    }
-    groups.retain(|members| members.len() >= min_area);
+    let min_area = (MIN_AREA * (sheet.width * sheet.height) as f64) as usize;
+    let mut groups = connected(&paper_runs(mask, sheet.near_ink(view)));
+    groups.retain(|runs| area(runs) >= min_area);
     if groups.is_empty() {
         return Vec::new();
     }
     let depth = chamfer_distance_px(mask);
-    let min_ring_px = MIN_RING_PX * stroke_scale(height);
-    let region = |members| region(view, members, &depth, width, min_ring_px);
-    groups.into_iter().filter_map(region).collect()
+    let min_ring_px = MIN_RING_PX * stroke_scale(sheet.height);
+    let ring_px = |runs: &[Run]| {
+        let rows = runs.iter().map(|&(y, from, to)| &depth[y * sheet.width..][from..to]);
+        rows.flatten().copied().fold(f32::INFINITY, f32::min)
+    };
+    groups
+        .into_iter()
+        .map(|runs| (f64::from(ring_px(&runs)), runs))
+        .filter(|(ring_px, _)| *ring_px > min_ring_px)
+        .map(|(ring_px, runs)| {
+            let area = area(&runs);
+            Region { view, runs, area, ring: ring_px / (area as f64).sqrt() }
+        })
+        .collect()
 }
 
-fn region(
-    view: usize,
-    mut members: Vec<usize>,
-    depth: &[f32],
-    width: usize,
-    min_ring_px: f64,
-) -> Option<Region> {
-    let ring_px = members.iter().map(|&pixel| depth[pixel]).fold(f32::INFINITY, f32::min);
-    if f64::from(ring_px) <= min_ring_px {
-        return None;
-    }
-    members.sort_unstable();
-    let mut runs: Vec<(usize, usize, usize)> = Vec::new();
-    for &pixel in &members {
-        let (x, y) = (pixel % width, pixel / width);
-        match runs.last_mut() {
-            Some(run) if run.0 == y && run.2 == x => run.2 += 1,
-            _ => runs.push((y, x, x + 1)),
+fn area(runs: &[Run]) -> usize {
+    runs.iter().map(|(_, from, to)| to - from).sum()
+}
+
+/// What is inside the mask and not near ink, row by row.
+fn paper_runs(mask: &GrayImage, near_ink: &[bool]) -> Vec<Run> {
+    let width = (mask.width() as usize).max(1);
+    let rows = mask.as_raw().chunks_exact(width).zip(near_ink.chunks_exact(width));
+    let of_row = |(y, (mask, near_ink)): (usize, (&[u8], &[bool]))| {
+        let mut runs = Vec::new();
+        let mut next = mask.iter().position(|&level| level != 0).unwrap_or(width);
+        let end = mask.iter().rposition(|&level| level != 0).map_or(next, |last| last + 1);
+        while next < end {
+            let is_paper = |x: &usize| mask[*x] != 0 && !near_ink[*x];
+            let from = (next..end).find(is_paper).unwrap_or(end);
+            next = (from..end).find(|x| !is_paper(x)).unwrap_or(end);
+            if from < next {
+                runs.push((y, from, next));
+            }
+        }
+        runs
+    };
+    rows.enumerate().flat_map(of_row).collect()
+}
+
+/// Runs that share columns with one in the next row, in one group; groups in
+/// order of their first run.
+fn connected(runs: &[Run]) -> Vec<Vec<Run>> {
+    let mut parents: Vec<usize> = (0..runs.len()).collect();
+    let mut above = 0;
+    for (index, &(y, from, to)) in runs.iter().enumerate() {
+        while runs[above].0 + 1 < y || (runs[above].0 + 1 == y && runs[above].2 <= from) {
+            above += 1;
+        }
+        let beside = (above..index).take_while(|&other| runs[other].0 < y && runs[other].1 < to);
+        for other in beside {
+            let (a, b) = (root(&mut parents, index), root(&mut parents, other));
+            parents[a.max(b)] = a.min(b);
         }
     }
-    Some(Region {
-        view,
-        runs,
-        area: members.len(),
-        ring: f64::from(ring_px) / (members.len() as f64).sqrt(),
-    })
+    let mut groups: Vec<Vec<Run>> = vec![Vec::new(); runs.len()];
+    for (index, run) in runs.iter().enumerate() {
+        groups[root(&mut parents, index)].push(*run);
+    }
+    groups.retain(|group| !group.is_empty());
+    groups
+}
+
+fn root(parents: &mut [usize], mut index: usize) -> usize {
+    while parents[index] != index {
+        parents[index] = parents[parents[index]];
+        index = parents[index];
+    }
+    index
 }
 
 /// Distance to the nearest pixel outside `mask`, px.
@@ -118,8 +128,12 @@ fn chamfer_distance_px(mask: &GrayImage) -> Vec<f32> {
 /// row's ends everything is outside.
 fn relax(row: &mut [f32], above: &[f32]) {
     let diagonal = std::f32::consts::SQRT_2;
+    let Some(first) = row.iter().position(|&depth| depth != 0.0) else {
+        return;
+    };
+    let last = row.iter().rposition(|&depth| depth != 0.0).unwrap_or(first);
     let mut left = 0.0;
-    for x in 0..row.len() {
+    for x in first..=last {
         if row[x] != 0.0 {
             let beside = |index: Option<usize>| {
                 index.and_then(|index| above.get(index)).copied().unwrap_or(0.0)
@@ -128,5 +142,28 @@ fn relax(row: &mut [f32], above: &[f32]) {
             row[x] = row[x].min(left + 1.0).min(above[x] + 1.0).min(slanted);
         }
         left = row[x];
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn runs_that_meet_further_down_are_one_region() {
+        let runs =
+            [(3, 0, 4), (3, 6, 9), (4, 1, 3), (4, 8, 12), (5, 2, 10), (5, 12, 14), (7, 0, 9)];
+        let groups = connected(&runs);
+        let sizes: Vec<usize> = groups.iter().map(Vec::len).collect();
+        assert_eq!(sizes, [5, 1, 1]);
+        assert_eq!(groups[1], [(5, 12, 14)]);
+        assert_eq!(area(&groups[0]), 4 + 3 + 2 + 4 + 8);
+    }
+
+    #[test]
+    fn paper_is_inside_and_away_from_ink() {
+        let mask = GrayImage::from_fn(8, 2, |x, y| image::Luma([u8::from(y == 1 && x > 1) * 255]));
+        let near_ink: Vec<bool> = (0..16).map(|index| index % 8 == 4 || index % 8 == 7).collect();
+        assert_eq!(paper_runs(&mask, &near_ink), [(1, 2, 4), (1, 5, 7)]);
     }
 }
