@@ -128,6 +128,31 @@ impl Faces {
     }
 }
 
+/// The corners of a block among its 27 nodes, X fastest.
+const CORNERS: [u32; 8] = [0, 2, 6, 8, 18, 20, 24, 26];
+/// Per node, the corners, a bit each, that it lies between.
+const NEAR: [u32; 27] = corners_near();
+
+const fn corners_near() -> [u32; 27] {
+    let mut near = [0; 27];
+    let mut n = 0;
+    while n < 27 {
+        let steps = [n % 3, n / 3 % 3, n / 9];
+        let mut corner = 0;
+        while corner < 8 {
+            let ends = [corner % 2 * 2, corner / 2 % 2 * 2, corner / 4 * 2];
+            let mut axis = 0;
+            while axis < 3 && (steps[axis] == 1 || steps[axis] == ends[axis]) {
+                axis += 1;
+            }
+            near[n] |= ((axis == 3) as u32) << corner;
+            corner += 1;
+        }
+        n += 1;
+    }
+    near
+}
+
 /// The vertices of a block that may stand for all.
 #[derive(Clone, Copy, Default)]
 struct Candidates {
@@ -222,25 +247,15 @@ impl Merger<'_> {
     /// is a disk itself: every node between its corners is like one of those
     /// that it lies between.
     fn is_disk(&self, at: [u16; 3], length: usize) -> bool {
-        let half = length / 2;
-        let base = at.map(|index| usize::from(index) * length);
-        let is_inside = |steps: [usize; 3]| {
-            self.inside.get_checked(std::array::from_fn(|axis| base[axis] + steps[axis] * half))
+        let inside = self.inside.sampled(at.map(|index| usize::from(index) * length), length / 2);
+        let corners =
+            |inside: u32| CORNERS.iter().rev().fold(0, |all, n| all << 1 | inside >> n & 1);
+        let pattern = corners(inside);
+        let is_like_one = |(n, near): (usize, &u32)| {
+            let alike = if inside >> n & 1 != 0 { pattern } else { !pattern };
+            alike & near != 0
         };
-        let corner = |corner: usize| [corner & 1, corner >> 1 & 1, corner >> 2].map(|bit| bit * 2);
-        let pattern = (0..8).fold(0, |all, n| all | u8::from(is_inside(corner(n))) << n);
-        if corner_to_fill(pattern).is_some() {
-            return false;
-        }
-        (0..27).all(|n| {
-            let steps = [n % 3, n / 3 % 3, n / 9];
-            let near = |n: &usize| {
-                let corner = corner(*n);
-                (0..3).all(|axis| steps[axis] == 1 || steps[axis] == corner[axis])
-            };
-            let own = is_inside(steps);
-            (0..8).filter(near).any(|n| (pattern >> n & 1 != 0) == own)
-        })
+        corner_to_fill(pattern as u8).is_none() && NEAR.iter().enumerate().all(is_like_one)
     }
 
     /// Puts the block where it fits the faces around best, if it fits them.

@@ -1,7 +1,7 @@
 //! What each vertex of the solid rests on.
 
 use image::{ImageBuffer, Luma};
-use nalgebra::Point3;
+use nalgebra::Vector3;
 
 use super::super::silhouette::Silhouette;
 use super::texture::{DepthBuffer, Rig};
@@ -42,26 +42,20 @@ pub fn vertex_support(mesh: &Mesh, rig: &Rig, witnesses: &[Witness]) -> Vec<Supp
         .into_par_iter()
         .map(|view| DepthBuffer::of_view(mesh, rig, view))
         .collect();
+    let projections: Vec<_> = (0..witnesses.len()).map(|view| rig.projection(view)).collect();
     mesh.positions
         .par_iter()
         .map(|point| {
-            let views = witnesses.iter().zip(&buffers).enumerate();
+            let views = witnesses.iter().zip(&buffers).zip(&projections);
             views
-                .map(|(view, (witness, buffer))| support(point, view, rig, witness, buffer))
+                .map(|((witness, buffer), project)| support(project(point), rig, witness, buffer))
                 .max()
                 .unwrap_or(Support::Guessed)
         })
         .collect()
 }
 
-fn support(
-    point: &Point3<f64>,
-    view: usize,
-    rig: &Rig,
-    witness: &Witness,
-    buffer: &DepthBuffer,
-) -> Support {
-    let pixel = rig.project(view, point);
+fn support(pixel: Vector3<f64>, rig: &Rig, witness: &Witness, buffer: &DepthBuffer) -> Support {
     if pixel.x < 0.0 || pixel.y < 0.0 {
         return Support::Guessed;
     }

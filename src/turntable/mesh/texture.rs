@@ -30,12 +30,20 @@ const MIN_FACING: f64 = 0.2;
 impl Rig {
     /// Column, row and depth of a point in view `view`, px, sheet frame.
     pub fn project(&self, view: usize, point: &Point3<f64>) -> Vector3<f64> {
+        self.projection(view)(point)
+    }
+
+    /// [`project`](Self::project) for many points.
+    pub fn projection(&self, view: usize) -> impl Fn(&Point3<f64>) -> Vector3<f64> {
         let (sine, cosine) = self.azimuths[view].radians().sin_cos();
-        Vector3::new(
-            point.x * cosine + point.y * sine + self.axis_px,
-            self.origin_row_px - point.z,
-            point.y * cosine - point.x * sine,
-        )
+        let (axis_px, origin_row_px) = (self.axis_px, self.origin_row_px);
+        move |point| {
+            Vector3::new(
+                point.x * cosine + point.y * sine + axis_px,
+                origin_row_px - point.z,
+                point.y * cosine - point.x * sine,
+            )
+        }
     }
 
     /// Texture coordinates of a point in view `view`, origin top left.
@@ -137,14 +145,14 @@ impl DepthBuffer {
         let size = |px: u32| (f64::from(px) / VISIBILITY_SCALE).ceil() as usize;
         let (width, height) = (size(rig.width), size(rig.height));
         let mut buffer = Self { width, height, depth: vec![f32::INFINITY; width * height] };
-        for index in 0..mesh.triangles.len() {
-            let corners = mesh.corners(index).map(|corner| {
-                let mut pixel = rig.project(view, &corner);
-                pixel.x /= VISIBILITY_SCALE;
-                pixel.y /= VISIBILITY_SCALE;
-                pixel
-            });
-            buffer.draw(&corners);
+        let project = rig.projection(view);
+        let scaled = |point: &Point3<f64>| {
+            let pixel = project(point);
+            Vector3::new(pixel.x / VISIBILITY_SCALE, pixel.y / VISIBILITY_SCALE, pixel.z)
+        };
+        let pixels: Vec<Vector3<f64>> = mesh.positions.iter().map(scaled).collect();
+        for triangle in &mesh.triangles {
+            buffer.draw(&triangle.map(|vertex| pixels[vertex as usize]));
         }
         buffer
     }
@@ -160,11 +168,11 @@ impl DepthBuffer {
             let first = (low - 0.5).ceil().max(0.0) as usize;
             first..((high + 0.5).floor().max(0.0) as usize).min(limit)
         };
+        let (ab, ac) = ((b.xy() - a.xy()) / area, (c.xy() - a.xy()) / area);
         for y in range([a.y, b.y, c.y], self.height) {
             for x in range([a.x, b.x, c.x], self.width) {
-                let pixel = nalgebra::Vector2::new(x as f64 + 0.5, y as f64 + 0.5);
-                let to_b = (pixel - a.xy()).perp(&(c.xy() - a.xy())) / area;
-                let to_c = (b.xy() - a.xy()).perp(&(pixel - a.xy())) / area;
+                let from_a = nalgebra::Vector2::new(x as f64 + 0.5, y as f64 + 0.5) - a.xy();
+                let (to_b, to_c) = (from_a.perp(&ac), ab.perp(&from_a));
                 if to_b >= 0.0 && to_c >= 0.0 && to_b + to_c <= 1.0 {
                     let depth = (a.z + to_b * (b.z - a.z) + to_c * (c.z - a.z)) as f32;
                     let nearest = &mut self.depth[y * self.width + x];

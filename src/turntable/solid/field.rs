@@ -1,6 +1,6 @@
 //! The solid as a stack of signed distance planes.
 
-use nalgebra::{Point2, Point3};
+use nalgebra::{Point2, Point3, Vector2};
 
 /// A regular lattice in the turntable frame, slices bottom to top.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -56,22 +56,22 @@ impl Plane {
     /// The union of `polygons` on `lattice`. Polygons are simple and
     /// counter-clockwise.
     pub fn of_polygons(lattice: &Lattice, polygons: &[Vec<Point2<f64>>]) -> Self {
-        let mut plane = Self::window(lattice, polygons);
+        let mut plane = Self::window(lattice, polygons.iter().flatten());
         for polygon in polygons {
             plane.add(lattice, polygon);
         }
         plane
     }
 
-    fn window(lattice: &Lattice, polygons: &[Vec<Point2<f64>>]) -> Self {
+    /// What is near `corners`, outside.
+    fn window<'a>(lattice: &Lattice, corners: impl IntoIterator<Item = &'a Point2<f64>>) -> Self {
         let margin = lattice.truncation_px();
-        let Some(first) = polygons.iter().flatten().next() else {
+        let mut corners = corners.into_iter();
+        let Some(first) = corners.next() else {
             return Self::default();
         };
-        let (low, high) = polygons
-            .iter()
-            .flatten()
-            .fold((*first, *first), |(low, high), p| (low.inf(p), high.sup(p)));
+        let (low, high) =
+            corners.fold((*first, *first), |(low, high), p| (low.inf(p), high.sup(p)));
         let columns = lattice.range(0, low.x - margin, high.x + margin);
         let rows = lattice.range(1, low.y - margin, high.y + margin);
         let outside = -lattice.truncation_px() as f32;
@@ -84,26 +84,26 @@ impl Plane {
     }
 
     fn add(&mut self, lattice: &Lattice, polygon: &[Point2<f64>]) {
-        let mut own = Self::window(lattice, std::slice::from_ref(&polygon.to_vec()));
-        own.values.fill(lattice.truncation_px() as f32);
+        let mut own = Self::window(lattice, polygon);
+        own.values.fill((lattice.truncation_px() * lattice.truncation_px()) as f32);
         for (i, from) in polygon.iter().enumerate() {
             own.lower_to_segment(lattice, from, &polygon[(i + 1) % polygon.len()]);
         }
+        own.values.iter_mut().for_each(|squared| *squared = squared.sqrt());
         own.negate_outside(lattice, polygon);
-        for j in 0..own.size[1] {
-            for i in 0..own.size[0] {
-                let (x, y) = (own.first[0] + i - self.first[0], own.first[1] + j - self.first[1]);
-                let value = &mut self.values[y * self.size[0] + x];
-                *value = value.max(own.values[j * own.size[0] + i]);
+        let offset = [0, 1].map(|axis| own.first[axis] - self.first[axis]);
+        for (j, row) in own.values.chunks_exact(own.size[0].max(1)).enumerate() {
+            let start = (offset[1] + j) * self.size[0] + offset[0];
+            for (value, own) in self.values[start..].iter_mut().zip(row) {
+                *value = value.max(*own);
             }
         }
     }
 
-    /// Lowers unsigned distances to those of the segment.
+    /// Lowers squared distances to those of the segment.
     fn lower_to_segment(&mut self, lattice: &Lattice, from: &Point2<f64>, to: &Point2<f64>) {
         let reach = lattice.truncation_px();
         let along = to - from;
-        let length2 = along.norm_squared().max(1e-12);
         let (low_y, high_y) = (from.y.min(to.y) - reach, from.y.max(to.y) + reach);
         for j in lattice.range(1, low_y, high_y) {
             let y = lattice.y(j);
@@ -117,13 +117,11 @@ impl Plane {
             };
             let (s, t) = (at(y - reach).unwrap_or(0.0), at(y + reach).unwrap_or(1.0));
             let (a, b) = (from.x + along.x * s, from.x + along.x * t);
-            for i in lattice.range(0, a.min(b) - reach, a.max(b) + reach) {
-                let offset = Point2::new(lattice.x(i), y) - from;
-                let nearest = (offset.dot(&along) / length2).clamp(0.0, 1.0);
-                let distance = (offset - along * nearest).norm() as f32;
-                let index = (j - self.first[1]) * self.size[0] + i - self.first[0];
-                self.values[index] = self.values[index].min(distance);
-            }
+            let columns = lattice.range(0, a.min(b) - reach, a.max(b) + reach);
+            let first = Point2::new(lattice.x(columns.start), y) - from;
+            let start = (j - self.first[1]) * self.size[0] + columns.start - self.first[0];
+            let row = &mut self.values[start..start + columns.len()];
+            lower_row(row, first.cast(), lattice.pitch_px as f32, along.cast());
         }
     }
 
@@ -141,11 +139,15 @@ impl Plane {
             }
             crossings.sort_by(f64::total_cmp);
             let row = &mut self.values[j * self.size[0]..(j + 1) * self.size[0]];
-            for (i, value) in row.iter_mut().enumerate() {
-                let x = lattice.x(self.first[0] + i);
-                if crossings.iter().filter(|&&crossing| crossing <= x).count() % 2 == 0 {
-                    *value = -*value;
-                }
+            // Outside from each second crossing to the next; what lies on one is past it.
+            let column = |&x: &f64| {
+                let nodes = lattice.range(0, x, f64::INFINITY);
+                (nodes.start.max(self.first[0]) - self.first[0]).min(row.len())
+            };
+            let ends: Vec<usize> = crossings.iter().map(column).collect();
+            let ends = [&[0], &ends[..], &[row.len()]].concat();
+            for outside in ends.chunks_exact(2) {
+                row[outside[0]..outside[1]].iter_mut().for_each(|value| *value = -*value);
             }
         }
     }
@@ -158,6 +160,18 @@ impl Plane {
             }
             _ => outside,
         }
+    }
+}
+
+/// Lowers squared distances to those of the segment `along` from the origin, in
+/// a row of points `pitch_px` apart that starts at `first`.
+fn lower_row(squared: &mut [f32], first: Vector2<f32>, pitch_px: f32, along: Vector2<f32>) {
+    let per_length = along / along.norm_squared().max(1e-12);
+    for (i, squared) in squared.iter_mut().enumerate() {
+        let x = first.x + i as f32 * pitch_px;
+        let nearest = (x * per_length.x + first.y * per_length.y).clamp(0.0, 1.0);
+        let (dx, dy) = (x - nearest * along.x, first.y - nearest * along.y);
+        *squared = squared.min(dx * dx + dy * dy);
     }
 }
 

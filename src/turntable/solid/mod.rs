@@ -192,7 +192,7 @@ fn prepared_sheet(
     if options.symmetry != Switch::Off && options.kind == SolidKind::Creased {
         let forced = options.symmetry == Switch::On;
         report.mirror_plane =
-            seen.or_else(|| symmetry::detect(&sheet.drawings(), true).filter(|_| forced));
+            seen.or_else(|| forced.then(|| symmetry::detect(&sheet.drawings(), true)).flatten());
         if let Some(plane) = &report.mirror_plane {
             sheet.add_mirrored(plane);
         }
