@@ -4,12 +4,15 @@
 use nalgebra::{Matrix3, Point3, Vector3};
 use rayon::prelude::*;
 
+use super::decimate;
 use super::occupancy::{Occupancy, corner_to_fill};
 use super::surface::QuadMesh;
 use crate::geometry::Mesh;
 
 /// Blocks are at most this many cells long.
 const LARGEST_BLOCK: usize = 4;
+/// Quads that are cut in one go.
+const QUADS_PER_TASK: usize = 8192;
 /// The share of a block's area that its directed area must be: more bent ones
 /// hold creases.
 const MIN_COHERENCE: f64 = 0.9;
@@ -46,29 +49,20 @@ pub fn clustered(mesh: &QuadMesh, inside: &Occupancy, tolerance_px: f64) -> Mesh
 /// Cuts every quad along its shorter diagonal, each vertex replaced by its
 /// entry in `places`; what has no area left is dropped.
 fn triangles(mesh: &QuadMesh, places: &[u32]) -> Mesh {
-    let mut new_index = vec![u32::MAX; mesh.positions.len()];
-    let mut out = Mesh::default();
     let position = |vertex: u32| mesh.positions[vertex as usize];
-    for quad in &mesh.quads {
+    let halves = |quad: &[u32; 4]| {
         let [a, b, c, d] = quad.map(|vertex| places[vertex as usize]);
         let first = (position(a) - position(c)).norm_squared();
         let second = (position(b) - position(d)).norm_squared();
-        let halves = if first <= second { [[a, b, c], [a, c, d]] } else { [[a, b, d], [b, c, d]] };
-        for [a, b, c] in halves {
-            if a == b || b == c || c == a {
-                continue;
-            }
-            out.triangles.push([a, b, c].map(|vertex| {
-                let index = &mut new_index[vertex as usize];
-                if *index == u32::MAX {
-                    *index = out.positions.len() as u32;
-                    out.positions.push(position(vertex));
-                }
-                *index
-            }));
-        }
-    }
-    out
+        if first <= second { [[a, b, c], [a, c, d]] } else { [[a, b, d], [b, c, d]] }
+    };
+    let has_area = |[a, b, c]: &[u32; 3]| a != b && b != c && c != a;
+    let runs: Vec<Vec<[u32; 3]>> = mesh
+        .quads
+        .par_chunks(QUADS_PER_TASK)
+        .map(|quads| quads.iter().flat_map(halves).filter(has_area).collect())
+        .collect();
+    decimate::compacted(&mesh.positions, runs.iter().flatten())
 }
 
 /// A cube of cells.

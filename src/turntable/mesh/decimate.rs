@@ -122,7 +122,10 @@ fn closed_mesh(mesh: Mesh) -> Option<Mesh> {
 }
 
 /// The mesh of `triangles` without unused vertices, in order of first use.
-fn compacted(positions: &[Point3<f64>], triangles: &[[u32; 3]]) -> Mesh {
+pub fn compacted<'a>(
+    positions: &[Point3<f64>],
+    triangles: impl IntoIterator<Item = &'a [u32; 3]>,
+) -> Mesh {
     let mut new_index = vec![u32::MAX; positions.len()];
     let mut mesh = Mesh::default();
     for triangle in triangles {

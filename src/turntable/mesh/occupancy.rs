@@ -1,5 +1,7 @@
 //! Which nodes of a lattice are inside, one bit each.
 
+use rayon::prelude::*;
+
 use super::super::solid::field::Field;
 
 /// A bit per node, with a border of one outside node on every side.
@@ -110,21 +112,26 @@ impl Occupancy {
 
     /// The corners of a cell that are inside: bit 1 along X, 2 along Y, 4 along Z.
     pub fn pattern(&self, [i, j, k]: [usize; 3]) -> u8 {
-        (0..8).fold(0, |pattern, corner: usize| {
-            let node = [i + (corner & 1), j + (corner >> 1 & 1), k + (corner >> 2)];
-            pattern | u8::from(self.get(node)) << corner
-        })
+        let (word, shift) = (i / 64, i % 64);
+        let pair = |j: usize, k: usize| {
+            let row = &self.bits[self.row_start(j, k)..][..self.words_per_row];
+            let next = if shift == 63 { row[word + 1] << 1 } else { 0 };
+            ((row[word] >> shift | next) & 3) as u8
+        };
+        pair(j, k) | pair(j + 1, k) << 2 | pair(j, k + 1) << 4 | pair(j + 1, k + 1) << 6
     }
 
     /// Adds nodes until inside and outside meet in faces only.
     pub fn compose_well(&mut self) {
-        let mut pending = Vec::new();
-        for k in 0..=self.nodes[2] {
-            for j in 0..=self.nodes[1] {
-                pending.extend(self.mixed_columns(j, k).map(|i| [i, j, k]));
-            }
-        }
         let table: Vec<Option<u8>> = (0..=u8::MAX).map(corner_to_fill).collect();
+        let is_critical = |cell: &[usize; 3]| table[usize::from(self.pattern(*cell))].is_some();
+        let of_layer = |k: usize| {
+            let rows =
+                (0..=self.nodes[1]).flat_map(|j| self.mixed_columns(j, k).map(move |i| [i, j, k]));
+            rows.filter(is_critical).collect::<Vec<_>>()
+        };
+        let layers: Vec<_> = (0..=self.nodes[2]).into_par_iter().map(of_layer).collect();
+        let mut pending = layers.concat();
         while let Some(cell) = pending.pop() {
             let Some(corner) = table[usize::from(self.pattern(cell))] else {
                 continue;

@@ -4,6 +4,7 @@ use std::collections::HashMap;
 
 use nalgebra::{Point3, Vector3};
 
+use super::topology::HalfEdges;
 use crate::geometry::Mesh;
 
 /// Surfaces that touch are moved this far apart, px.
@@ -66,15 +67,19 @@ struct Wing {
 }
 
 fn split_edges(mesh: &mut Mesh) {
-    let mut wings: HashMap<(u32, u32), Vec<usize>> = HashMap::new();
-    for (index, &[a, b, c]) in mesh.triangles.iter().enumerate() {
-        for (from, to) in [(a, b), (b, c), (c, a)] {
-            wings.entry((from.min(to), from.max(to))).or_default().push(index);
+    let edges = HalfEdges::new(mesh.positions.len(), &mesh.triangles);
+    let mut crowded: Vec<(u32, u32)> = Vec::new();
+    for from in 0..mesh.positions.len() as u32 {
+        let own = edges.from(from);
+        // Of three triangles at an edge two run it in one direction.
+        for (index, edge) in own.iter().enumerate() {
+            if own[..index].iter().any(|other| other.to == edge.to) {
+                crowded.push((from.min(edge.to), from.max(edge.to)));
+            }
         }
     }
-    let mut crowded: Vec<(u32, u32)> =
-        wings.into_iter().filter(|(_, list)| list.len() > 2).map(|(edge, _)| edge).collect();
     crowded.sort_unstable();
+    crowded.dedup();
     for (from, to) in crowded {
         // Triangles are split as edges are: look again.
         let around = wings_around(mesh, from, to);

@@ -2,6 +2,7 @@
 
 use nalgebra::{Point3, Vector3};
 
+use super::topology::{HalfEdge, HalfEdges};
 use crate::geometry::Mesh;
 
 /// A mesh for drawing: vertices are repeated where the normal breaks.
@@ -62,24 +63,22 @@ pub fn face_normal(mesh: &Mesh, triangle: usize) -> Vector3<f64> {
 
 /// Edges whose faces turn by more than `crease_angle_deg`, low vertex first, sorted.
 pub fn crease_edges(mesh: &Mesh, crease_angle_deg: f64) -> Vec<[u32; 2]> {
-    let mut owner = std::collections::HashMap::with_capacity(mesh.triangles.len() * 3);
-    for (index, &[a, b, c]) in mesh.triangles.iter().enumerate() {
-        owner.extend([((a, b), index), ((b, c), index), ((c, a), index)]);
-    }
+    let edges = HalfEdges::new(mesh.positions.len(), &mesh.triangles);
+    let faces: Vec<Vector3<f64>> =
+        (0..mesh.triangles.len()).map(|triangle| face_normal(mesh, triangle)).collect();
     let min_cosine = crease_angle_deg.to_radians().cos();
-    let turns = |first: usize, second: usize| {
-        face_normal(mesh, first).dot(&face_normal(mesh, second)) < min_cosine
+    let turns = |first: &HalfEdge, second: &HalfEdge| {
+        faces[first.triangle as usize].dot(&faces[second.triangle as usize]) < min_cosine
     };
-    let mut edges: Vec<[u32; 2]> = owner
-        .iter()
-        .filter(|((from, to), _)| from < to)
-        .filter(|((from, to), first)| {
-            owner.get(&(*to, *from)).is_some_and(|second| turns(**first, *second))
-        })
-        .map(|((from, to), _)| [*from, *to])
-        .collect();
-    edges.sort_unstable();
-    edges
+    let mut creases = Vec::new();
+    for from in 0..mesh.positions.len() as u32 {
+        let upward = edges.from(from).iter().filter(|edge| from < edge.to);
+        let is_crease =
+            |edge: &&HalfEdge| edges.find(edge.to, from).is_some_and(|back| turns(edge, back));
+        creases.extend(upward.filter(is_crease).map(|edge| [from, edge.to]));
+    }
+    creases.sort_unstable();
+    creases
 }
 
 fn corner_angle(mesh: &Mesh, triangle: usize, corner: usize) -> f64 {

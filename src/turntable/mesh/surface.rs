@@ -1,9 +1,9 @@
 //! The surface of a field of signed distances as quads.
 
-use nalgebra::{Point2, Point3};
+use nalgebra::{Point2, Point3, Vector3};
 use rayon::prelude::*;
 
-use super::super::solid::field::{Field, Lattice};
+use super::super::solid::field::Field;
 use super::occupancy::Occupancy;
 
 /// A mesh of quads, counter-clockwise seen from outside.
@@ -133,18 +133,10 @@ fn vertex(
     creases: &[(usize, Point2<f64>)],
 ) -> Point3<f64> {
     let lattice = &field.lattice;
-    let pattern = inside.pattern(cell);
-    let values: [f64; 8] = std::array::from_fn(|corner| value(field, node(cell, corner as u8)));
-    let mut sum = Point3::origin().coords;
-    let mut count = 0.0;
-    for (a, b) in EDGES.map(|(a, b)| (usize::from(a), usize::from(b))) {
-        if (pattern >> a ^ pattern >> b) & 1 != 0 {
-            let (from, to) = (node(cell, a as u8), node(cell, b as u8));
-            sum += crossing(lattice, (from, values[a]), (to, values[b]));
-            count += 1.0;
-        }
-    }
-    let mut position = Point3::from(sum / f64::max(count, 1.0));
+    let mean = mean_crossing(inside.pattern(cell), &values_around(field, cell));
+    // A cell's low corner has one index less in the lattice.
+    let steps = Vector3::from(cell.map(|index| index as f64 - 1.0)) + mean;
+    let mut position = lattice.origin + steps * lattice.pitch_px;
     let column = cell[1] * (lattice.nodes[0] + 1) + cell[0];
     let first = creases.partition_point(|(cell, _)| *cell < column);
     let here: Vec<_> = creases[first..].iter().take_while(|(cell, _)| *cell == column).collect();
@@ -157,51 +149,40 @@ fn vertex(
     position
 }
 
-/// Corners of a cell by bits: 1 along X, 2 along Y, 4 along Z.
-const EDGES: [(u8, u8); 12] = [
-    (0, 1),
-    (2, 3),
-    (4, 5),
-    (6, 7),
-    (0, 2),
-    (1, 3),
-    (4, 6),
-    (5, 7),
-    (0, 4),
-    (1, 5),
-    (2, 6),
-    (3, 7),
-];
-
-/// A corner's node, one more than its index on each axis.
-fn node(cell: [usize; 3], corner: u8) -> [usize; 3] {
-    std::array::from_fn(|axis| cell[axis] + usize::from(corner >> axis & 1))
+/// The field at a cell's corners.
+fn values_around(field: &Field, [i, j, k]: [usize; 3]) -> [f32; 8] {
+    let outside = -field.lattice.truncation_px() as f32;
+    std::array::from_fn(|corner| {
+        let node = [i + (corner & 1), j + (corner >> 1 & 1), k + (corner >> 2)];
+        match node.map(|index| index.checked_sub(1)) {
+            [Some(i), Some(j), Some(k)] => field.at(i, j, k),
+            _ => outside,
+        }
+    })
 }
 
-/// The field at a node (indices plus one).
-fn value(field: &Field, node: [usize; 3]) -> f64 {
-    match node.map(|index| index.checked_sub(1)) {
-        [Some(i), Some(j), Some(k)] => f64::from(field.at(i, j, k)),
-        _ => -field.lattice.truncation_px(),
+/// The mean of where the surface crosses a cell's edges, from its low corner,
+/// in units of its side.
+///
+/// * `inside`, `values`: of the corners, by bits: 1 along X, 2 along Y, 4 along Z.
+fn mean_crossing(inside: u8, values: &[f32; 8]) -> Vector3<f64> {
+    let mut sum = Vector3::zeros();
+    let mut count = 0.0;
+    for axis in 0..3 {
+        for from in (0..8).filter(|corner| corner >> axis & 1 == 0) {
+            let to = from | 1 << axis;
+            if (inside >> from ^ inside >> to) & 1 == 0 {
+                continue;
+            }
+            let (a, b) = (f64::from(values[from]), f64::from(values[to]));
+            // Nodes flipped to keep the set well composed have no crossing of their own.
+            let share = if (a > 0.0) == (b > 0.0) { 0.5 } else { (a / (a - b)).clamp(0.02, 0.98) };
+            sum += Vector3::from([0, 1, 2].map(|bit| (from >> bit & 1) as f64));
+            sum[axis] += share;
+            count += 1.0;
+        }
     }
-}
-
-/// Where the surface crosses the edge between two nodes (indices plus one) with
-/// the field's values there.
-fn crossing(
-    lattice: &Lattice,
-    (from, a): ([usize; 3], f64),
-    (to, b): ([usize; 3], f64),
-) -> nalgebra::Vector3<f64> {
-    // Nodes flipped to keep the set well composed have no crossing of their own.
-    let share = if (a > 0.0) == (b > 0.0) { 0.5 } else { (a / (a - b)).clamp(0.02, 0.98) };
-    let (from, to) = (position(lattice, from), position(lattice, to));
-    from.coords + (to - from) * share
-}
-
-fn position(lattice: &Lattice, node: [usize; 3]) -> Point3<f64> {
-    let offset = node.map(|index| (index as f64 - 1.0) * lattice.pitch_px);
-    lattice.origin + nalgebra::Vector3::from(offset)
+    sum / f64::max(count, 1.0)
 }
 
 /// Emits the quads around lattice edges of slice `k - 1` along X and Y, and

@@ -3,6 +3,7 @@
 use nalgebra::{Point3, Vector3};
 
 use super::shading::face_normal;
+use super::topology::HalfEdges;
 use crate::geometry::Mesh;
 use crate::sheet::Azimuth;
 
@@ -122,12 +123,11 @@ fn scores(mesh: &Mesh, rig: &Rig) -> Vec<Vec<f64>> {
 }
 
 fn neighbours(mesh: &Mesh) -> Vec<Vec<usize>> {
-    let mut owner = std::collections::HashMap::with_capacity(mesh.triangles.len() * 3);
-    for (index, &[a, b, c]) in mesh.triangles.iter().enumerate() {
-        owner.extend([((a, b), index), ((b, c), index), ((c, a), index)]);
-    }
+    let edges = HalfEdges::new(mesh.positions.len(), &mesh.triangles);
     let around = |&[a, b, c]: &[u32; 3]| {
-        [(b, a), (c, b), (a, c)].iter().filter_map(|edge| owner.get(edge).copied()).collect()
+        let back = [(b, a), (c, b), (a, c)];
+        let found = back.iter().filter_map(|&(from, to)| edges.find(from, to));
+        found.map(|edge| edge.triangle as usize).collect()
     };
     mesh.triangles.iter().map(around).collect()
 }
@@ -140,7 +140,7 @@ pub struct DepthBuffer {
 }
 
 impl DepthBuffer {
-    /// Draws `mesh` as view `view` sees it.
+    /// Draws `mesh`, a closed one, as view `view` sees it.
     pub fn of_view(mesh: &Mesh, rig: &Rig, view: usize) -> Self {
         let size = |px: u32| (f64::from(px) / VISIBILITY_SCALE).ceil() as usize;
         let (width, height) = (size(rig.width), size(rig.height));
@@ -159,7 +159,8 @@ impl DepthBuffer {
 
     fn draw(&mut self, [a, b, c]: &[Vector3<f64>; 3]) {
         let area = (b.xy() - a.xy()).perp(&(c.xy() - a.xy()));
-        if area.abs() < 1e-9 {
+        // Rows grow downward: what faces the viewer turns the other way.
+        if area > -1e-9 {
             return;
         }
         let range = |values: [f64; 3], limit: usize| {

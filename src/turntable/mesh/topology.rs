@@ -1,7 +1,5 @@
 //! Whether a mesh bounds a solid.
 
-use std::collections::HashMap;
-
 use crate::geometry::Mesh;
 
 /// Why a mesh does not bound a solid.
@@ -17,6 +15,58 @@ pub enum TopologyError {
     SplitFan { vertex: u32 },
 }
 
+/// The directed edges of a mesh by the vertex that they leave.
+pub struct HalfEdges {
+    /// Per vertex the first of its edges; last, the number of edges.
+    starts: Vec<u32>,
+    edges: Vec<HalfEdge>,
+}
+
+/// One side of a triangle.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct HalfEdge {
+    pub to: u32,
+    /// The triangle's third vertex.
+    pub third: u32,
+    pub triangle: u32,
+}
+
+impl HalfEdges {
+    /// Of `triangles` of vertices below `vertices`.
+    ///
+    /// # Panics
+    /// If a triangle names another vertex.
+    pub fn new(vertices: usize, triangles: &[[u32; 3]]) -> Self {
+        let mut starts = vec![0_u32; vertices + 1];
+        triangles.as_flattened().iter().for_each(|&from| starts[from as usize] += 1);
+        let mut sum = 0;
+        for start in &mut starts {
+            sum += *start;
+            *start = sum;
+        }
+        let mut edges = vec![HalfEdge::default(); triangles.len() * 3];
+        // From the back, so that each vertex' edges are in the triangles' order.
+        for (triangle, &[a, b, c]) in triangles.iter().enumerate().rev() {
+            for (from, to, third) in [(c, a, b), (b, c, a), (a, b, c)] {
+                starts[from as usize] -= 1;
+                let triangle = triangle as u32;
+                edges[starts[from as usize] as usize] = HalfEdge { to, third, triangle };
+            }
+        }
+        Self { starts, edges }
+    }
+
+    /// The edges that leave `vertex`, in the triangles' order.
+    pub fn from(&self, vertex: u32) -> &[HalfEdge] {
+        let [start, end] = [0, 1].map(|next| self.starts[vertex as usize + next] as usize);
+        &self.edges[start..end]
+    }
+
+    pub fn find(&self, from: u32, to: u32) -> Option<&HalfEdge> {
+        self.from(from).iter().find(|edge| edge.to == to)
+    }
+}
+
 /// Checks that `mesh` is watertight and a 2-manifold: every edge has two
 /// triangles that run it in opposite directions, every vertex one fan.
 ///
@@ -24,9 +74,6 @@ pub enum TopologyError {
 /// [`TopologyError`], the first kind found in its order.
 pub fn check_manifold(mesh: &Mesh) -> Result<(), TopologyError> {
     let count = mesh.positions.len();
-    // Directed edge (from, to) -> the triangle's third vertex.
-    let mut third: HashMap<(u32, u32), u32> = HashMap::with_capacity(mesh.triangles.len() * 3);
-    let mut open = 0;
     for (triangle, corners) in mesh.triangles.iter().enumerate() {
         let [a, b, c] = *corners;
         if let Some(&vertex) = corners.iter().find(|&&vertex| vertex as usize >= count) {
@@ -35,41 +82,44 @@ pub fn check_manifold(mesh: &Mesh) -> Result<(), TopologyError> {
         if a == b || b == c || c == a {
             return Err(TopologyError::Degenerate { triangle });
         }
-        for (edge, opposite) in [((a, b), c), ((b, c), a), ((c, a), b)] {
-            open += usize::from(third.insert(edge, opposite).is_some());
-        }
     }
-    open += third.keys().filter(|(from, to)| !third.contains_key(&(*to, *from))).count();
+    let edges = HalfEdges::new(count, &mesh.triangles);
+    let vertices = 0..count as u32;
+    let open = vertices.clone().map(|vertex| open_edges(&edges, vertex)).sum();
     if open > 0 {
         return Err(TopologyError::OpenEdges { open });
     }
-    check_fans(mesh, &third)
+    match vertices.into_iter().find(|&vertex| !is_one_fan(&edges, vertex)) {
+        Some(vertex) => Err(TopologyError::SplitFan { vertex }),
+        None => Ok(()),
+    }
 }
 
-fn check_fans(mesh: &Mesh, third: &HashMap<(u32, u32), u32>) -> Result<(), TopologyError> {
-    let mut degree = vec![0_u32; mesh.positions.len()];
-    let mut start = vec![u32::MAX; mesh.positions.len()];
-    for [a, b, c] in &mesh.triangles {
-        for (vertex, next) in [(*a, *b), (*b, *c), (*c, *a)] {
-            degree[vertex as usize] += 1;
-            start[vertex as usize] = next;
-        }
+/// How many edges leave `vertex` that another runs too, or that none comes back.
+fn open_edges(edges: &HalfEdges, vertex: u32) -> usize {
+    let own = edges.from(vertex);
+    let is_open = |(index, edge): (usize, &HalfEdge)| {
+        own[..index].iter().any(|other| other.to == edge.to)
+            || edges.find(edge.to, vertex).is_none()
+    };
+    own.iter().enumerate().filter(|edge| is_open(*edge)).count()
+}
+
+/// Whether the triangles around `vertex` follow each other in one round.
+fn is_one_fan(edges: &HalfEdges, vertex: u32) -> bool {
+    let own = edges.from(vertex);
+    let Some(first) = own.first() else {
+        return true;
+    };
+    let (mut around, mut at) = (1, first.third);
+    while at != first.to && around < own.len() {
+        let Some(next) = edges.find(vertex, at) else {
+            return false;
+        };
+        around += 1;
+        at = next.third;
     }
-    for (vertex, (&degree, &first)) in degree.iter().zip(&start).enumerate() {
-        let vertex = vertex as u32;
-        let (mut around, mut at) = (0, first);
-        while around < degree {
-            around += 1;
-            at = third[&(vertex, at)];
-            if at == first {
-                break;
-            }
-        }
-        if around < degree {
-            return Err(TopologyError::SplitFan { vertex });
-        }
-    }
-    Ok(())
+    around == own.len()
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Bilateral symmetry: a view at one azimuth gives its mirror image for free.
 
-use super::outline::{Outline, intersection, length};
+use super::outline::{Outline, length};
 
 /// A vertical plane that mirrors the subject onto itself.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
@@ -102,13 +102,25 @@ fn plane_of(drawing: &Drawing) -> Option<MirrorPlane> {
 }
 
 fn mirror_iou(outline: &Outline, sum_px: f64) -> f64 {
-    let mirrored = outline.mirrored(outline.azimuth_rad, sum_px);
-    let (mut shared, mut own) = (0.0, 0.0);
-    for (row, flipped) in outline.rows.iter().zip(&mirrored.rows) {
-        shared += length(&intersection(row, flipped));
-        own += length(row);
-    }
+    let shared: f64 = outline.rows.iter().map(|row| shared_with_mirror_px(row, sum_px)).sum();
+    let own: f64 = outline.rows.iter().map(|row| length(row)).sum();
     shared / (2.0 * own - shared).max(1e-9)
+}
+
+/// What a row and itself with every column `u` moved to `sum_px - u` share.
+fn shared_with_mirror_px(row: &[(f64, f64)], sum_px: f64) -> f64 {
+    let mut flipped = row.iter().rev().map(|(low, high)| (sum_px - high, sum_px - low)).peekable();
+    let mut shared = 0.0;
+    for &(low, high) in row {
+        while let Some(&(other_low, other_high)) = flipped.peek() {
+            shared += (high.min(other_high) - low.max(other_low)).max(0.0);
+            if other_high > high {
+                break;
+            }
+            flipped.next();
+        }
+    }
+    shared
 }
 
 /// The share of inner ink with ink at its mirror image.
