@@ -9,7 +9,7 @@ use super::DraftError;
 use crate::options::Options;
 use crate::pipeline::{Cancelled, Observer, Progress, Stage};
 use crate::sheet::{Azimuth, Sheet, SheetDocument};
-use crate::turntable::depth::{self, DepthError, DepthStage, ViewDepth};
+use crate::turntable::depth::{self, DepthError, DepthStage, LineEstimate, ViewDepth};
 use crate::turntable::registration::{self, ViewRegistration};
 use crate::turntable::silhouette::{SilhouetteError, Silhouettes};
 use crate::turntable::solid::{
@@ -50,18 +50,18 @@ pub(super) fn compute(
     let (views, silhouettes, registrations) =
         pool.install(|| registered(views, options)).map_err(silhouette_error)?;
     tell(observer, Stage::Silhouettes, (1, 1), "silhouettes", SILHOUETTES)?;
-    let depths = depths(&views, &silhouettes, options, pool, observer)?;
+    let estimates = estimates(&views, &silhouettes, options, pool, observer)?;
     let hole_hints = hole_hints(document)?;
     let (agreeing, outlines) = agreeing(&views, &silhouettes, &registrations);
-    // A depth that does not rest on lines says nothing that the outlines don't.
-    let depth_maps: Vec<DepthMap> = depths
+    let depth_maps: Vec<DepthMap> = estimates
         .iter()
         .zip(&registrations)
-        .filter(|(view, found)| view.fallback.is_none() && !found.contradicts)
-        .map(|(view, _)| DepthMap {
-            azimuth: view.azimuth,
-            depth: view.depth_px.clone(),
-            confidence: Some(view.confidence.clone()),
+        .filter(|(_, found)| !found.contradicts)
+        .filter_map(|(view, _)| Some((view.azimuth, view.map.as_ref().ok()?)))
+        .map(|(azimuth, map)| DepthMap {
+            azimuth,
+            depth: map.depth_px.clone(),
+            confidence: Some(map.confidence.clone()),
         })
         .collect();
     let input = SolidInput {
@@ -71,6 +71,9 @@ pub(super) fn compute(
         hole_hints: &hole_hints,
     };
     let solid = build(&input, options, pool, observer)?;
+    let from = options.turntable.depth.from;
+    let depths =
+        pool.install(|| depth::read_depth(&solid.mesh, &views, &silhouettes, estimates, from));
     Ok(TurntableDraft { views, registrations, silhouettes, depths, solid })
 }
 
@@ -140,13 +143,13 @@ fn silhouette_error(error: SilhouetteError) -> DraftError {
     }
 }
 
-fn depths(
+fn estimates(
     views: &ViewSet,
     silhouettes: &Silhouettes,
     options: &Options,
     pool: &ThreadPool,
     observer: &dyn Observer,
-) -> Result<Vec<ViewDepth>, DraftError> {
+) -> Result<Vec<LineEstimate>, DraftError> {
     let on_stage = |stage: DepthStage| {
         let (done, name) = match stage {
             DepthStage::Lines => (0, "silhouettes"),
@@ -156,14 +159,14 @@ fn depths(
         let fraction = between(SILHOUETTES, DEPTHS, done, DEPTH_STAGES);
         flow(tell(observer, Stage::Depth, (done, DEPTH_STAGES), name, fraction))
     };
-    let depths = pool
+    let estimates = pool
         .install(|| depth::estimate(views, silhouettes, &options.turntable.depth, &on_stage))
         .map_err(|error| match error {
             DepthError::Cancelled(_) => DraftError::Cancelled(Cancelled),
             DepthError::SilhouettesDiffer { .. } => DraftError::Internal(error.to_string()),
         })?;
     tell(observer, Stage::Depth, (DEPTH_STAGES, DEPTH_STAGES), "surfaces", DEPTHS)?;
-    Ok(depths)
+    Ok(estimates)
 }
 
 fn hole_hints(document: &SheetDocument) -> Result<Vec<HoleHint>, DraftError> {

@@ -22,7 +22,7 @@ use crate::geometry::Mesh;
 use crate::options::Options;
 use crate::pipeline::{Observer, ValueRange};
 use crate::sheet::Azimuth;
-use crate::turntable::depth::{Fallback, ViewDepth, normals_from_depth};
+use crate::turntable::depth::{DepthSource, Fallback, ViewDepth, normals_from_depth};
 use crate::turntable::mesh::texture::best_views;
 use crate::turntable::mesh::topology::check_manifold;
 use crate::turntable::registration::ViewRegistration;
@@ -72,7 +72,9 @@ struct DepthMetrics {
     range_px: Option<ValueRange>,
     /// Share of the crossings of lines with rows whose depth is known.
     matched_share: f64,
-    /// Why the depth does not rest on lines.
+    /// What the depth was read from.
+    source: DepthSource,
+    /// Why the view's own lines tell nothing.
     fallback: Option<Fallback>,
 }
 
@@ -194,7 +196,7 @@ fn compare_view(
         return Ok(ViewComparison::default());
     };
     let internal = |error: &dyn std::error::Error| DraftError::Internal(error.to_string());
-    let depth = evaluate_view(&disparity_from_depth(&view.depth_px), truth)
+    let depth = evaluate_view(&disparity_from_depth(&view.map.depth_px), truth)
         .map_err(|error| internal(&error))?;
     let silhouette = compare_silhouettes(silhouette.mask(), &true_mask(truth))
         .map_err(|error| internal(&error))?;
@@ -217,8 +219,9 @@ pub(super) fn measure(draft: &TurntableDraft, options: &Options) -> TurntableMet
             registration: *registration,
             corrected: options.turntable.register && registration.corrects(),
             depth: DepthMetrics {
-                range_px: ValueRange::of(&depth.depth_px),
+                range_px: ValueRange::of(&depth.map.depth_px),
                 matched_share: depth.matched_share,
+                source: depth.source,
                 fallback: depth.fallback,
             },
         })
@@ -261,7 +264,7 @@ fn warnings(views: &[ViewMetrics], mesh: &MeshMetrics) -> Vec<String> {
         }
         if let Some(Fallback::TooFewLines { matched, required }) = view.depth.fallback {
             warnings.push(format!(
-                "view {azimuth}: {matched} line points matched to neighbours, {required} are required; its depth is the silhouettes'"
+                "view {azimuth}: {matched} line points matched to neighbours, {required} are required; its depth is the solid's"
             ));
         }
     }
@@ -270,7 +273,7 @@ fn warnings(views: &[ViewMetrics], mesh: &MeshMetrics) -> Vec<String> {
     let count = views.iter().filter(without).count();
     if count > 0 {
         warnings.push(format!(
-            "{count} of {} views have too few neighbours near; their depth is the silhouettes'",
+            "{count} of {} views have too few neighbours near; their depth is the solid's alone",
             views.len()
         ));
     }
@@ -280,8 +283,9 @@ fn warnings(views: &[ViewMetrics], mesh: &MeshMetrics) -> Vec<String> {
 
 fn view_files(view: &ViewDepth, silhouette: &Silhouette) -> Result<Files, DraftError> {
     let name = |artifact| ArtifactName::View(view.azimuth, artifact);
-    let mut files = Files::of_maps(view.azimuth, &disparity(&view.depth_px), &view.depth_px)?;
-    let normals = normals_png(&normals_from_depth(&view.depth_px, MAX_NORMAL_STEP_PX))?;
+    let mut files =
+        Files::of_maps(view.azimuth, &disparity(&view.map.depth_px), &view.map.depth_px)?;
+    let normals = normals_png(&normals_from_depth(&view.map.depth_px, MAX_NORMAL_STEP_PX))?;
     files.artifacts.push(Artifact::new(name(ViewArtifact::NormalsPng), normals));
     let mask = silhouette_png(silhouette.mask())?;
     files.artifacts.push(Artifact::new(name(ViewArtifact::SilhouettePng), mask));

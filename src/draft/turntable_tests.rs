@@ -125,6 +125,36 @@ fn three_views_become_a_closed_solid_of_the_right_size() {
     assert!(metrics["mesh"]["triangles"].as_u64().unwrap() <= 3000);
     assert_eq!(metrics["views"][1]["depth"]["fallback"]["reason"], "no_neighbours");
     assert!(summary.warnings.iter().any(|w| w.contains("neighbours near")), "{summary:?}");
+    // Without lines to match, depth is the solid's: the front of the box.
+    let front = &metrics["views"][0]["depth"];
+    assert_eq!(front["source"], "solid");
+    for end in ["min", "max"] {
+        let depth = front["range_px"][end].as_f64().unwrap();
+        assert!((depth + HALF[1]).abs() < 3.0, "{front}");
+    }
+}
+
+#[test]
+fn depth_is_read_from_what_is_asked_for() {
+    let source_of = |from: &str, azimuths: &[f64]| {
+        let (mut document, files) = boxes(azimuths);
+        let mut options = document.options.take().unwrap_or_else(|| json!({}));
+        options["turntable"]["depth"] = json!({ "from": from });
+        document.options = Some(options);
+        let (_, artifacts) = run(&document, &files, 2, &Silent).unwrap();
+        let source = &metrics(&artifacts)["views"][1]["depth"]["source"];
+        source.as_str().unwrap().to_owned()
+    };
+    let near = [0.0, 5.0, 10.0];
+    let around = [0.0, 5.0, 10.0, 45.0, 90.0];
+    assert_eq!(
+        ["auto", "lines", "solid"].map(|from| source_of(from, &near)),
+        ["lines", "lines", "solid"]
+    );
+    assert_eq!(
+        ["auto", "lines", "solid"].map(|from| source_of(from, &around)),
+        ["solid", "lines", "solid"]
+    );
 }
 
 #[test]

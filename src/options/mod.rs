@@ -26,7 +26,8 @@ pub use parse::{
     parse, parse_set, schema,
 };
 pub use turntable::{
-    DepthOptions, Holes, SilhouetteOptions, SolidKind, SolidOptions, Switch, TurntableOptions,
+    DepthFrom, DepthOptions, Holes, SilhouetteOptions, SolidKind, SolidOptions, Switch,
+    TurntableOptions,
 };
 
 use schemars::JsonSchema;

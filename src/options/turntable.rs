@@ -47,7 +47,21 @@ impl Default for SilhouetteOptions {
     }
 }
 
-/// How depth maps are made from lines.
+/// What the depth maps of views are read from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum DepthFrom {
+    /// The solid, where the views bound it well from three sides or more; else
+    /// the lines.
+    #[default]
+    Auto,
+    /// The view's own lines, where neighbours are near enough to match them.
+    Lines,
+    /// The solid that lines and outlines made.
+    Solid,
+}
+
+/// How depth maps are made.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct DepthOptions {
@@ -60,11 +74,18 @@ pub struct DepthOptions {
     /// How often the surface is solved again with what other views say.
     #[schemars(range(max = 10))]
     pub refinements: u32,
+    /// What depth maps are read from in the end.
+    pub from: DepthFrom,
 }
 
 impl Default for DepthOptions {
     fn default() -> Self {
-        Self { max_neighbour_deg: 20.0, preferred_neighbour_deg: 5.0, refinements: 3 }
+        Self {
+            max_neighbour_deg: 20.0,
+            preferred_neighbour_deg: 5.0,
+            refinements: 3,
+            from: DepthFrom::Auto,
+        }
     }
 }
 

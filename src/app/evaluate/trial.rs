@@ -19,7 +19,7 @@ use crate::geometry::Mesh;
 use crate::model_io::Model;
 use crate::pipeline::Silent;
 use crate::sheet::{Azimuth, ImageLimits, SheetDocument, ViewDocument};
-use crate::turntable::depth::{Fallback, ViewDepth};
+use crate::turntable::depth::{DepthSource, Fallback, ViewDepth};
 use crate::turntable::mesh::topology::check_manifold;
 
 /// A sheet with its truth.
@@ -60,7 +60,9 @@ pub(super) struct MeshFigures {
 pub(super) struct ViewTrial {
     pub azimuth_deg: f64,
     pub depth: ViewReport,
-    /// Why the depth does not rest on lines.
+    /// What the depth was read from.
+    pub source: DepthSource,
+    /// Why the view's own lines tell nothing.
     pub fallback: Option<Fallback>,
     /// Mean distance between the mesh's outline and the truth's, px.
     pub boundary_distance_px: Option<f64>,
@@ -129,10 +131,11 @@ impl SheetFolder {
             let Some(truth) = self.view_truth(depth.azimuth)? else { continue };
             let mask = outlines.mask(depth.azimuth)?;
             let outline = compare_silhouettes(&mask, &true_mask(&truth))?;
-            let ours = disparity_from_depth(&depth.depth_px);
+            let ours = disparity_from_depth(&depth.map.depth_px);
             trial.views.push(ViewTrial {
                 azimuth_deg: depth.azimuth.degrees(),
                 depth: evaluate_view(&ours, &truth)?,
+                source: depth.source,
                 fallback: depth.fallback,
                 boundary_distance_px: outline.mean_boundary_distance_px,
             });
@@ -151,7 +154,7 @@ impl SheetFolder {
             truth: match truth {
                 ViewTruth::Metric(map) | ViewTruth::Relative(map) => map,
             },
-            ours: disparity_from_depth(&depth.depth_px),
+            ours: disparity_from_depth(&depth.map.depth_px),
         }
     }
 

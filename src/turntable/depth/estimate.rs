@@ -9,9 +9,9 @@ use super::super::views::ViewSet;
 use super::contours::Contours;
 use super::fill::{Accuracy, Fill};
 use super::graph::{Owner, PixelGraph};
-use super::hull::{GrownRows, HullDepth, hull_depth};
+use super::hull::{HullDepth, Hulls};
 use super::lines::{LineDepths, LineView, angle_between, line_depths};
-use super::owners::{outline_owners, owners};
+use super::owners::owners;
 use super::points::{PointCloud, Refinement};
 use super::triples::Bounds;
 pub use crate::options::DepthOptions;
@@ -35,8 +35,7 @@ pub enum Confidence {
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 #[serde(tag = "reason", rename_all = "snake_case")]
 pub enum Fallback {
-    /// Fewer than three views within reach of each other: the depth is that
-    /// of a body rounded inside the visual hull.
+    /// Fewer than three views within reach of each other.
     NoNeighbours {
         /// The angle to the nearest other view, degrees.
         nearest_deg: f64,
@@ -45,18 +44,59 @@ pub enum Fallback {
     TooFewLines { matched: usize, required: usize },
 }
 
-/// The depth of one view.
+/// A view's depth and what it rests on.
 #[derive(Clone, Debug)]
-pub struct ViewDepth {
-    pub azimuth: Azimuth,
+pub struct DepthMap {
     /// Depth along the view direction from the axis plane in the turntable
     /// frame, px, growing away from the camera; NaN outside the silhouette.
     pub depth_px: ImageBuffer<Luma<f32>, Vec<f32>>,
     /// [`Confidence`] per pixel.
     pub confidence: GrayImage,
+}
+
+/// What the lines of one view tell.
+#[derive(Clone, Debug)]
+pub struct LineEstimate {
+    pub azimuth: Azimuth,
     /// The share of the crossings of lines with rows whose depth is known.
     pub matched_share: f64,
+    /// The depth map, or why lines give none.
+    pub map: Result<DepthMap, Fallback>,
+}
+
+/// What a view's depth was read from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum DepthSource {
+    /// The view's own lines.
+    Lines,
+    /// The solid's surface.
+    Solid,
+}
+
+/// The depth of one view.
+#[derive(Clone, Debug)]
+pub struct ViewDepth {
+    pub azimuth: Azimuth,
+    pub map: DepthMap,
+    /// The share of the crossings of lines with rows whose depth is known.
+    pub matched_share: f64,
+    pub source: DepthSource,
+    /// Why the view's own lines tell nothing.
     pub fallback: Option<Fallback>,
+}
+
+impl LineEstimate {
+    /// The depth by lines alone, where they give one.
+    pub(super) fn alone(self) -> Option<ViewDepth> {
+        Some(ViewDepth {
+            azimuth: self.azimuth,
+            map: self.map.ok()?,
+            matched_share: self.matched_share,
+            source: DepthSource::Lines,
+            fallback: None,
+        })
+    }
 }
 
 /// The stages of [`estimate`], in order.
@@ -76,13 +116,13 @@ pub enum DepthError {
     Cancelled(DepthStage),
 }
 
-/// Estimates the depth of every view.
+/// Estimates the depth of every view from its lines.
 ///
 /// * `silhouettes`: of `views`, in their order.
 /// * `on_stage`: told each stage as it begins; `Break` cancels.
 ///
-/// Views with lines matched to neighbours within `options.max_neighbour_deg`
-/// get depth from lines, others from the visual hull, and say so.
+/// Views without lines matched to neighbours within `options.max_neighbour_deg`
+/// get none, and say why.
 ///
 /// Takes about 20 bytes per pixel and view, and 40 more where it is being solved.
 ///
@@ -93,21 +133,7 @@ pub fn estimate(
     silhouettes: &Silhouettes,
     options: &DepthOptions,
     on_stage: &dyn Fn(DepthStage) -> ControlFlow<()>,
-) -> Result<Vec<ViewDepth>, DepthError> {
-    estimate_some(views, silhouettes, options, on_stage, |_| true)
-}
-
-/// [`estimate`] for the views that are `wanted`, with the lines of all.
-///
-/// # Errors
-/// As [`estimate`].
-pub fn estimate_some(
-    views: &ViewSet,
-    silhouettes: &Silhouettes,
-    options: &DepthOptions,
-    on_stage: &dyn Fn(DepthStage) -> ControlFlow<()>,
-    wanted: impl Fn(Azimuth) -> bool,
-) -> Result<Vec<ViewDepth>, DepthError> {
+) -> Result<Vec<LineEstimate>, DepthError> {
     let stage = |stage| match on_stage(stage) {
         ControlFlow::Continue(()) => Ok(()),
         ControlFlow::Break(()) => Err(DepthError::Cancelled(stage)),
@@ -127,9 +153,7 @@ pub fn estimate_some(
     let lines = line_depths(&line_views);
     stage(DepthStage::Surfaces)?;
     let cloud = PointCloud::new(&line_views, &lines);
-    let wanted: Vec<usize> =
-        (0..drawings.len()).filter(|&index| wanted(views.views()[index].azimuth)).collect();
-    let maps = wanted
+    let estimates = (0..drawings.len())
         .into_par_iter()
         .map(|index| {
             let has_neighbours =
@@ -142,24 +166,27 @@ pub fn estimate_some(
                 refinements: options.refinements,
             };
             let fallback = fallback(&line_views, index, &lines[index], has_neighbours);
-            let (depth, confidence) = match fallback {
-                None => surface.of_lines(&cloud, line_views[index].azimuth_rad),
-                Some(_) => surface.of_hull(),
-            };
-            surface.view_depth(views.views()[index].azimuth, depth, confidence, fallback)
+            LineEstimate {
+                azimuth: views.views()[index].azimuth,
+                matched_share: lines[index].matched_share(),
+                map: match fallback {
+                    None => Ok(surface.of_lines(&cloud, line_views[index].azimuth_rad)),
+                    Some(fallback) => Err(fallback),
+                },
+            }
         })
         .collect();
-    Ok(maps)
+    Ok(estimates)
 }
 
 /// The subject's size, which thresholds on depth scale with.
-struct Subject {
+pub(super) struct Subject {
     radius_px: f64,
     unit_px: f64,
 }
 
 impl Subject {
-    fn new(views: &ViewSet, silhouettes: &[Silhouette]) -> Self {
+    pub fn new(views: &ViewSet, silhouettes: &[Silhouette]) -> Self {
         /// Half the diagonal of a subject that fills a drawing 540 px high.
         const REFERENCE_PX: f64 = 300.0;
         let (mut radius, mut rows) = (1.0_f64, 1.0_f64);
@@ -178,8 +205,8 @@ impl Subject {
     }
 
     /// Depths are within ± this.
-    fn reach_px(&self) -> f64 {
-        1.35 * self.radius_px + 20.0 * self.unit_px
+    pub fn reach_px(&self) -> f32 {
+        (1.35 * self.radius_px + 20.0 * self.unit_px) as f32
     }
 }
 
@@ -192,21 +219,12 @@ struct Drawing {
 }
 
 fn drawings(views: &ViewSet, silhouettes: &[Silhouette], subject: &Subject) -> Vec<Drawing> {
-    let grown: Vec<GrownRows> = silhouettes.par_iter().map(GrownRows::new).collect();
-    let views = views.views();
-    (0..views.len())
+    let hulls = Hulls::new(views, silhouettes, subject.reach_px());
+    (0..views.views().len())
         .into_par_iter()
         .map(|index| {
-            let others: Vec<_> = (0..views.len())
-                .filter(|&other| other != index)
-                .map(|other| {
-                    let (own, other_rad) =
-                        (views[index].azimuth.radians(), views[other].azimuth.radians());
-                    (&grown[other], angle_between(own, other_rad))
-                })
-                .collect();
-            let hull = hull_depth(&silhouettes[index], &others, subject.reach_px() as f32);
-            let ink = InkMap::from_image(&views[index].image);
+            let hull = hulls.of_view(index);
+            let ink = InkMap::from_image(&views.views()[index].image);
             let contours = Contours::new(&ink, &silhouettes[index]);
             let hull_at_lines = hull_at_lines(&contours, &hull, ink.width());
             Drawing { contours, hull, hull_at_lines }
@@ -292,43 +310,22 @@ struct Surface<'a> {
     refinements: u32,
 }
 
-type Nodes = (Vec<f32>, Vec<Confidence>);
-
 impl Surface<'_> {
-    fn of_lines(&self, cloud: &PointCloud, azimuth_rad: f64) -> Nodes {
+    fn of_lines(&self, cloud: &PointCloud, azimuth_rad: f64) -> DepthMap {
         let contours = &self.drawing.contours;
         let graph = PixelGraph::new(self.silhouette.mask(), contours);
         let owners = owners(&graph, contours, self.lines, self.subject.unit_px);
-        let points = cloud.seen_from(azimuth_rad);
-        self.filled(&graph, self.lines, &owners, points)
-    }
-
-    /// The outline in the middle of the hull's depth, the rest bulging from it.
-    fn of_hull(&self) -> Nodes {
-        let contours = &self.drawing.contours;
-        let graph = PixelGraph::new(self.silhouette.mask(), contours);
-        let owners = outline_owners(contours);
-        let mut lines = LineDepths::unknown(contours.crossings.len());
-        for (index, &(near, far)) in self.drawing.hull_at_lines.iter().enumerate() {
-            if contours.crossings[index].on_outline() {
-                lines.depth_px[index] = f64::midpoint(near, far);
-            }
-        }
-        let (depth, mut confidence) = self.filled(&graph, &lines, &owners, Vec::new());
-        for level in &mut confidence {
-            *level = (*level).min(Confidence::Hull);
-        }
-        (depth, confidence)
+        let (depth, confidence) = self.filled(&graph, &owners, cloud.seen_from(azimuth_rad));
+        self.on_pixels(depth, confidence)
     }
 
     fn filled(
         &self,
         graph: &PixelGraph,
-        lines: &LineDepths,
         owners: &[Option<Owner>],
         points: Vec<super::points::Point>,
-    ) -> Nodes {
-        let mut fill = Fill::new(graph, &self.drawing.contours, lines, owners);
+    ) -> (Vec<f32>, Vec<Confidence>) {
+        let mut fill = Fill::new(graph, &self.drawing.contours, self.lines, owners);
         let accuracy = |left| if left == 0 { Accuracy::Final } else { Accuracy::Rough };
         let mut depth = fill.solve(&[], accuracy(self.refinements));
         let near: Vec<f32> =
@@ -337,7 +334,7 @@ impl Surface<'_> {
             graph,
             &near,
             points,
-            (&self.drawing.contours, lines),
+            (&self.drawing.contours, self.lines),
             self.subject.unit_px as f32,
         );
         for left in (0..self.refinements).rev() {
@@ -350,13 +347,7 @@ impl Surface<'_> {
         (depth, confidence)
     }
 
-    fn view_depth(
-        &self,
-        azimuth: Azimuth,
-        depth: Vec<f32>,
-        confidence: Vec<Confidence>,
-        fallback: Option<Fallback>,
-    ) -> ViewDepth {
+    fn on_pixels(&self, depth: Vec<f32>, confidence: Vec<Confidence>) -> DepthMap {
         let mask = self.silhouette.mask();
         let (width, height) = mask.dimensions();
         let mut depth_px = ImageBuffer::from_pixel(width, height, Luma([f32::NAN]));
@@ -366,13 +357,6 @@ impl Surface<'_> {
             depth_px.as_mut()[pixel] = depth;
             levels.as_mut()[pixel] = confidence as u8;
         }
-        let known = self.lines.depth_px.iter().filter(|depth| !depth.is_nan()).count();
-        ViewDepth {
-            azimuth,
-            depth_px,
-            confidence: levels,
-            matched_share: known as f64 / self.lines.depth_px.len().max(1) as f64,
-            fallback,
-        }
+        DepthMap { depth_px, confidence: levels }
     }
 }

@@ -1,10 +1,14 @@
 //! The visual hull's depth interval along a view's lines of sight.
 
+use rayon::prelude::*;
+
 use super::super::silhouette::Silhouette;
+use super::super::views::ViewSet;
+use super::lines::angle_between;
 
 /// A silhouette's rows grown by a pixel in all directions, px from the axis.
 #[derive(Clone, Debug)]
-pub struct GrownRows {
+struct GrownRows {
     rows: Vec<Vec<(f32, f32)>>,
 }
 
@@ -16,8 +20,40 @@ pub struct HullDepth {
     pub far_px: Vec<f32>,
 }
 
+/// The silhouettes of all views, to bound depths with.
+pub struct Hulls<'a> {
+    silhouettes: &'a [Silhouette],
+    grown: Vec<GrownRows>,
+    azimuths_rad: Vec<f64>,
+    reach_px: f32,
+}
+
+impl<'a> Hulls<'a> {
+    /// * `silhouettes`: of `views`, in their order.
+    /// * `reach_px`: depths are within ± this.
+    pub fn new(views: &ViewSet, silhouettes: &'a [Silhouette], reach_px: f32) -> Self {
+        Self {
+            silhouettes,
+            grown: silhouettes.par_iter().map(GrownRows::new).collect(),
+            azimuths_rad: views.azimuths().map(|azimuth| azimuth.radians()).collect(),
+            reach_px,
+        }
+    }
+
+    /// The hull along the lines of sight of view `index`, by all other views.
+    pub fn of_view(&self, index: usize) -> HullDepth {
+        let own = self.azimuths_rad[index];
+        let others = self.grown.iter().zip(&self.azimuths_rad).enumerate();
+        let others: Vec<_> = others
+            .filter(|(other, _)| *other != index)
+            .map(|(_, (rows, &azimuth))| (rows, angle_between(own, azimuth)))
+            .collect();
+        hull_depth(&self.silhouettes[index], &others, self.reach_px)
+    }
+}
+
 impl GrownRows {
-    pub fn new(silhouette: &Silhouette) -> Self {
+    fn new(silhouette: &Silhouette) -> Self {
         const GROWTH_PX: f32 = 1.0;
         let mask = silhouette.mask();
         let axis = mask.width() as f32 / 2.0;
@@ -75,11 +111,7 @@ struct OtherRow<'a> {
 ///
 /// * `others`: rows of every other view and its azimuth from this one, radians.
 /// * `reach_px`: depths are within ± this.
-pub fn hull_depth(
-    silhouette: &Silhouette,
-    others: &[(&GrownRows, f64)],
-    reach_px: f32,
-) -> HullDepth {
+fn hull_depth(silhouette: &Silhouette, others: &[(&GrownRows, f64)], reach_px: f32) -> HullDepth {
     /// Views this close to the view's own direction bound nothing.
     const MIN_SINE: f64 = 0.02;
     let mask = silhouette.mask();

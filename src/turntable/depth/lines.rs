@@ -221,6 +221,12 @@ impl LineDepths {
             rho_is_tracked: vec![false; crossings],
         }
     }
+
+    /// The share of crossings whose depth is known.
+    pub fn matched_share(&self) -> f64 {
+        let known = self.depth_px.iter().filter(|depth| !depth.is_nan()).count();
+        known as f64 / self.depth_px.len().max(1) as f64
+    }
 }
 
 /// A line fitted to the columns at which several views cross it.

@@ -1,4 +1,4 @@
-//! Depth maps from the drawn lines of neighbouring views.
+//! Depth maps: from the drawn lines of neighbouring views, and read off the solid.
 
 mod adoption;
 mod blocks;
@@ -11,15 +11,18 @@ mod hull;
 mod lines;
 mod multigrid;
 mod normals;
+mod of_solid;
 mod owners;
 mod points;
 mod release;
 mod triples;
 
 pub use estimate::{
-    Confidence, DepthError, DepthOptions, DepthStage, Fallback, ViewDepth, estimate, estimate_some,
+    Confidence, DepthError, DepthMap, DepthOptions, DepthSource, DepthStage, Fallback,
+    LineEstimate, ViewDepth, estimate,
 };
 pub use normals::normals_from_depth;
+pub use of_solid::read as read_depth;
 
 #[cfg(test)]
 mod tests;

@@ -35,7 +35,7 @@ pub fn owners(
 }
 
 /// The owners of the outline's crossings, `None` inside.
-pub fn outline_owners(contours: &Contours) -> Vec<Option<Owner>> {
+fn outline_owners(contours: &Contours) -> Vec<Option<Owner>> {
     contours.crossings.iter().map(outline_owner).collect()
 }
 

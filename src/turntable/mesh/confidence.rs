@@ -4,7 +4,7 @@ use image::{ImageBuffer, Luma};
 use nalgebra::Vector3;
 
 use super::super::silhouette::Silhouette;
-use super::texture::{DepthBuffer, Rig};
+use super::texture::{DepthBuffer, Rig, VISIBILITY_SCALE};
 use crate::geometry::Mesh;
 
 /// What a vertex rests on.
@@ -40,7 +40,7 @@ pub fn vertex_support(mesh: &Mesh, rig: &Rig, witnesses: &[Witness]) -> Vec<Supp
     use rayon::prelude::*;
     let buffers: Vec<DepthBuffer> = (0..witnesses.len())
         .into_par_iter()
-        .map(|view| DepthBuffer::of_view(mesh, rig, view))
+        .map(|view| DepthBuffer::of_view(mesh, rig, view, VISIBILITY_SCALE))
         .collect();
     let projections: Vec<_> = (0..witnesses.len()).map(|view| rig.projection(view)).collect();
     mesh.positions

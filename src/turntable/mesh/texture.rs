@@ -20,7 +20,7 @@ pub struct Rig {
 /// Depths a face may lie behind the nearest one and still count as seen, px.
 const DEPTH_TOLERANCE_PX: f64 = 3.0;
 /// Visibility is decided on images this many times smaller.
-const VISIBILITY_SCALE: f64 = 2.0;
+pub const VISIBILITY_SCALE: f64 = 2.0;
 /// How often faces follow most of their neighbours.
 const SEAM_ROUNDS: usize = 4;
 /// What leaving the best view costs, cosine.
@@ -103,7 +103,7 @@ fn scores(mesh: &Mesh, rig: &Rig) -> Vec<Vec<f64>> {
     use rayon::prelude::*;
     let buffers: Vec<DepthBuffer> = (0..rig.azimuths.len())
         .into_par_iter()
-        .map(|view| DepthBuffer::of_view(mesh, rig, view))
+        .map(|view| DepthBuffer::of_view(mesh, rig, view, VISIBILITY_SCALE))
         .collect();
     (0..mesh.triangles.len())
         .into_par_iter()
@@ -134,6 +134,7 @@ fn neighbours(mesh: &Mesh) -> Vec<Vec<usize>> {
 
 /// The nearest depth per pixel of a smaller image.
 pub struct DepthBuffer {
+    scale: f64,
     width: usize,
     height: usize,
     depth: Vec<f32>,
@@ -141,14 +142,17 @@ pub struct DepthBuffer {
 
 impl DepthBuffer {
     /// Draws `mesh`, a closed one, as view `view` sees it.
-    pub fn of_view(mesh: &Mesh, rig: &Rig, view: usize) -> Self {
-        let size = |px: u32| (f64::from(px) / VISIBILITY_SCALE).ceil() as usize;
+    ///
+    /// * `scale`: how many times smaller than the view.
+    pub fn of_view(mesh: &Mesh, rig: &Rig, view: usize, scale: f64) -> Self {
+        let size = |px: u32| (f64::from(px) / scale).ceil() as usize;
         let (width, height) = (size(rig.width), size(rig.height));
-        let mut buffer = Self { width, height, depth: vec![f32::INFINITY; width * height] };
+        let depth = vec![f32::INFINITY; width * height];
+        let mut buffer = Self { scale, width, height, depth };
         let project = rig.projection(view);
         let scaled = |point: &Point3<f64>| {
             let pixel = project(point);
-            Vector3::new(pixel.x / VISIBILITY_SCALE, pixel.y / VISIBILITY_SCALE, pixel.z)
+            Vector3::new(pixel.x / scale, pixel.y / scale, pixel.z)
         };
         let pixels: Vec<Vector3<f64>> = mesh.positions.iter().map(scaled).collect();
         for triangle in &mesh.triangles {
@@ -183,9 +187,15 @@ impl DepthBuffer {
         }
     }
 
+    /// The depth of the surface at a pixel of the buffer, px, if there is any.
+    pub fn nearest(&self, x: usize, y: usize) -> Option<f32> {
+        let depth = *self.depth.get(y * self.width + x)?;
+        depth.is_finite().then_some(depth)
+    }
+
     /// Whether nothing stands before a projected point.
     pub fn sees(&self, pixel: &Vector3<f64>) -> bool {
-        let (x, y) = (pixel.x / VISIBILITY_SCALE, pixel.y / VISIBILITY_SCALE);
+        let (x, y) = (pixel.x / self.scale, pixel.y / self.scale);
         if x < 0.0 || y < 0.0 || x >= self.width as f64 || y >= self.height as f64 {
             return false;
         }
@@ -240,7 +250,7 @@ mod tests {
     fn the_front_hides_the_back() {
         let mesh = block(10.0);
         let rig = rig(&[0.0]);
-        let buffer = DepthBuffer::of_view(&mesh, &rig, 0);
+        let buffer = DepthBuffer::of_view(&mesh, &rig, 0, VISIBILITY_SCALE);
         assert!(buffer.sees(&rig.project(0, &Point3::new(1.0, -10.0, 3.0))));
         assert!(!buffer.sees(&rig.project(0, &Point3::new(1.0, 10.0, 3.0))));
         assert_eq!(rig.texture_coordinates(0, &Point3::new(25.0, 0.0, 20.0)), [0.75, 0.25]);
