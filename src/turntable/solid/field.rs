@@ -152,6 +152,11 @@ impl Plane {
         }
     }
 
+    /// The node of the lattice that a value belongs to.
+    pub fn node(&self, index: usize) -> (usize, usize) {
+        (self.first[0] + index % self.size[0], self.first[1] + index / self.size[0])
+    }
+
     /// The value at node (i, j) of the lattice; `outside` beyond the window.
     pub fn at(&self, i: usize, j: usize, outside: f32) -> f32 {
         match (i.checked_sub(self.first[0]), j.checked_sub(self.first[1])) {

@@ -18,53 +18,89 @@ pub fn reach_px(lattice: &Lattice) -> f64 {
     REACH * longest
 }
 
-/// Moves the surface of `plane` to where the depth maps agree it is, nowhere
-/// beyond `hull`.
+/// By how much the depth maps change the signed distances of `prior` inside
+/// `hull`, px, in the hull's window; smoothed within the slice.
 ///
 /// Truncated signed distances are averaged, the silhouettes' own among them.
 ///
 /// # Source
 /// Curless & Levoy 1996, A volumetric method for building complex models from
 /// range images.
-pub fn carve(
-    plane: &mut Plane,
+pub fn corrections(
+    prior: &Plane,
     hull: &Plane,
     lattice: &Lattice,
     row: usize,
     views: &[CarvingView],
-) {
+) -> Plane {
     let reach_px = reach_px(lattice);
     let limit = lattice.truncation_px();
-    let outside = -limit as f32;
-    let mut carved = hull.clone();
-    carved.creases = std::mem::take(&mut plane.creases);
-    for j in 0..hull.size[1] {
-        for i in 0..hull.size[0] {
-            let index = j * hull.size[0] + i;
-            let bound = f64::from(hull.values[index]);
-            if bound <= 0.0 {
-                continue;
-            }
-            let (i, j) = (hull.first[0] + i, hull.first[1] + j);
-            let point = Point2::new(lattice.x(i), lattice.y(j));
-            let prior = f64::from(plane.at(i, j, outside));
-            let (mut sum, mut weights) = (prior * PRIOR_WEIGHT, PRIOR_WEIGHT);
-            for (distance, weight) in
-                views.iter().filter_map(|view| view.vote(&point, row, reach_px))
-            {
-                sum += distance * weight;
-                weights += weight;
-            }
-            carved.values[index] = (sum / weights).min(bound).clamp(-limit, limit) as f32;
+    let mut found = Plane { values: vec![0.0; hull.values.len()], ..hull.clone() };
+    for (index, value) in found.values.iter_mut().enumerate() {
+        let bound = f64::from(hull.values[index]);
+        if bound <= 0.0 {
+            continue;
         }
+        let (i, j) = hull.node(index);
+        let point = Point2::new(lattice.x(i), lattice.y(j));
+        let prior = f64::from(prior.at(i, j, -limit as f32));
+        let (mut sum, mut weights) = (prior * PRIOR_WEIGHT, PRIOR_WEIGHT);
+        for (distance, weight) in views.iter().filter_map(|view| view.vote(&point, row, reach_px)) {
+            sum += distance * weight;
+            weights += weight;
+        }
+        *value = ((sum / weights).min(bound).clamp(-limit, limit) - prior) as f32;
     }
-    *plane = carved;
+    smoothed(&found)
+}
+
+/// Averages over neighbours along X and Y with binomial weights.
+fn smoothed(plane: &Plane) -> Plane {
+    let along = |plane: &Plane, step: [usize; 2]| {
+        let mut out = plane.clone();
+        for (index, value) in out.values.iter_mut().enumerate() {
+            let (i, j) = plane.node(index);
+            let before = match (i.checked_sub(step[0]), j.checked_sub(step[1])) {
+                (Some(i), Some(j)) => plane.at(i, j, *value),
+                _ => *value,
+            };
+            *value = binomial(before, *value, plane.at(i + step[0], j + step[1], *value));
+        }
+        out
+    };
+    along(&along(plane, [1, 0]), [0, 1])
+}
+
+fn binomial(before: f32, here: f32, after: f32) -> f32 {
+    0.25 * before + 0.5 * here + 0.25 * after
+}
+
+/// Adds the corrections of a slice, averaged with those below and above, to
+/// `plane`, which takes the window of `hull`; nowhere beyond `hull`.
+///
+/// Single maps are wrong in places: what slices and nodes around do not share
+/// would be pits in the surface.
+pub fn correct(
+    plane: &mut Plane,
+    hull: &Plane,
+    [below, here, above]: [&Plane; 3],
+    lattice: &Lattice,
+) {
+    let limit = lattice.truncation_px() as f32;
+    let mut corrected = Plane { creases: std::mem::take(&mut plane.creases), ..hull.clone() };
+    for (index, value) in corrected.values.iter_mut().enumerate().filter(|(_, v)| **v > 0.0) {
+        let (i, j) = hull.node(index);
+        let own = here.values[index];
+        let change = binomial(below.at(i, j, own), own, above.at(i, j, own));
+        *value = (plane.at(i, j, -limit) + change).min(*value).clamp(-limit, limit);
+    }
+    *plane = corrected;
 }
 
 /// Lines of sight that meet the hull but no longer the solid get back what is
 /// most likely there: every silhouette has something behind it.
 ///
-/// `plane` is what [`carve`] made of `hull`: their windows are one.
+/// `plane` is what [`correct`] made of `hull`: their windows are one.
 pub fn restore_silhouettes(
     plane: &mut Plane,
     hull: &Plane,

@@ -387,11 +387,18 @@ fn field_of(lattice: Lattice, outlines: Vec<SliceOutlines>) -> Field {
 fn fuse(field: &mut Field, slices: &[Slice], directions: &[Outline], views: &[CarvingView]) {
     use rayon::prelude::*;
     let lattice = field.lattice;
-    field.planes.par_iter_mut().zip(slices).for_each(|(plane, slice)| {
-        let polygons: Vec<_> =
-            slice.sections.iter().map(|section| section.corners.clone()).collect();
+    let of_slice = |(prior, slice): (&Plane, &Slice)| {
+        let sections = slice.sections.iter();
+        let polygons: Vec<_> = sections.map(|section| section.corners.clone()).collect();
         let hull = Plane::of_polygons(&lattice, &polygons);
-        fusion::carve(plane, &hull, &lattice, slice.row, views);
-        fusion::restore_silhouettes(plane, &hull, &lattice, directions);
+        let corrections = fusion::corrections(prior, &hull, &lattice, slice.row, views);
+        (hull, corrections)
+    };
+    let (hulls, corrections): (Vec<_>, Vec<_>) =
+        field.planes.par_iter().zip(slices).map(of_slice).unzip();
+    field.planes.par_iter_mut().zip(&hulls).enumerate().for_each(|(k, (plane, hull))| {
+        let around = [k.saturating_sub(1), k, (k + 1).min(corrections.len() - 1)];
+        fusion::correct(plane, hull, around.map(|k| &corrections[k]), &lattice);
+        fusion::restore_silhouettes(plane, hull, &lattice, directions);
     });
 }
