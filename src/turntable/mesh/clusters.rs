@@ -1,7 +1,7 @@
 //! Fewer vertices where the surface is flat, before edges are collapsed one by
 //! one: blocks of cells get one vertex each, as leaves of an octree do.
 
-use nalgebra::{Matrix3, Point3, Vector3};
+use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
 
 use super::decimate;
@@ -11,6 +11,8 @@ use crate::geometry::Mesh;
 
 /// Blocks are at most this many cells long.
 const LARGEST_BLOCK: usize = 4;
+/// Parts of a block that the surface runs through, about.
+const PARTS_PER_BLOCK: usize = 3;
 /// Quads that are cut in one go.
 const QUADS_PER_TASK: usize = 8192;
 /// The share of a block's area that its directed area must be: more bent ones
@@ -79,8 +81,9 @@ struct Block {
 /// The planes of faces, for distances from them.
 #[derive(Clone, Copy, Default)]
 struct Faces {
-    /// Area-weighted sums of `n n'`, `d n` and `d d` over planes `n p + d = 0`.
-    quadratic: Matrix3<f64>,
+    /// Area-weighted sums of `n n'` (xx, yy, zz, xy, yz, zx), `d n` and `d d`
+    /// over planes `n p + d = 0`.
+    quadratic: [f64; 6],
     linear: Vector3<f64>,
     constant: f64,
     area: f64,
@@ -92,11 +95,12 @@ impl Faces {
         let [a, b, c, d] = corners.map(|corner| corner.coords);
         let directed = (c - a).cross(&(d - b)) / 2.0;
         let area = directed.norm();
-        let normal = directed.try_normalize(1e-12).unwrap_or_default();
+        let normal = directed / area.max(1e-12);
         let offset = -normal.dot(&(a + b + c + d)) / 4.0;
+        let [n, v] = [normal, directed];
         Self {
-            quadratic: normal * normal.transpose() * area,
-            linear: normal * (offset * area),
+            quadratic: [n.x * v.x, n.y * v.y, n.z * v.z, n.x * v.y, n.y * v.z, n.z * v.x],
+            linear: directed * offset,
             constant: offset * offset * area,
             area,
             directed,
@@ -104,7 +108,7 @@ impl Faces {
     }
 
     fn add(&mut self, other: &Self) {
-        self.quadratic += other.quadratic;
+        self.quadratic.iter_mut().zip(other.quadratic).for_each(|(sum, entry)| *sum += entry);
         self.linear += other.linear;
         self.constant += other.constant;
         self.area += other.area;
@@ -113,8 +117,10 @@ impl Faces {
 
     /// The mean squared distance of `point` from the planes.
     fn mean_squared(&self, point: &Vector3<f64>) -> f64 {
-        let sum = point.dot(&(self.quadratic * point)) + 2.0 * self.linear.dot(point);
-        (sum + self.constant) / self.area.max(1e-12)
+        let [x, y, z] = (*point).into();
+        let products = [x * x, y * y, z * z, 2.0 * x * y, 2.0 * y * z, 2.0 * z * x];
+        let squared: f64 = self.quadratic.iter().zip(products).map(|(entry, p)| entry * p).sum();
+        (squared + 2.0 * self.linear.dot(point) + self.constant) / self.area.max(1e-12)
     }
 
     fn is_bent(&self) -> bool {
@@ -187,7 +193,7 @@ impl Merger<'_> {
         let starts = &self.mesh.layer_vertices;
         let first = starts[k];
         let cells = &self.mesh.cells[first..starts[(k + 2).min(starts.len() - 1)]];
-        let mut grouped = Grouped::new(self.inside);
+        let mut grouped = Grouped::new(self.inside, cells.len());
         for (&cell, vertex) in cells.iter().zip(first as u32..) {
             grouped.push(cell, vertex, true);
         }
@@ -222,7 +228,7 @@ impl Merger<'_> {
     /// Blocks `length` cells long; per block half as long the larger one, by
     /// index, and the larger ones.
     fn blocks_of_blocks(&self, halves: &[Block], length: usize) -> (Vec<u32>, Vec<Block>) {
-        let mut grouped = Grouped::new(self.inside);
+        let mut grouped = Grouped::new(self.inside, halves.len());
         for half in halves {
             grouped.push(half.at, half.place, half.is_one);
         }
@@ -284,7 +290,7 @@ struct Grouped {
 }
 
 impl Grouped {
-    fn new(inside: &Occupancy) -> Self {
+    fn new(inside: &Occupancy, count: usize) -> Self {
         let [nx, ny, _] = inside.nodes();
         let (width, height) = (nx / 2 + 1, ny / 2 + 1);
         Self {
@@ -292,9 +298,9 @@ impl Grouped {
             height,
             index: Vec::new(),
             layer: None,
-            parents: Vec::new(),
-            blocks: Vec::new(),
-            candidates: Vec::new(),
+            parents: Vec::with_capacity(count),
+            blocks: Vec::with_capacity(count / PARTS_PER_BLOCK),
+            candidates: Vec::with_capacity(count / PARTS_PER_BLOCK),
         }
     }
 
