@@ -230,6 +230,27 @@ impl Silhouettes {
         Ok(Self { silhouettes, opposites: Vec::new() })
     }
 
+    /// Finds the silhouettes of those views again that `is_changed` names, by
+    /// index; the others are kept. From each view alone, as these are.
+    ///
+    /// # Errors
+    /// As [`of_views`](Self::of_views).
+    pub fn with_changed(
+        self,
+        views: &ViewSet,
+        is_changed: impl Fn(usize) -> bool + Sync,
+        options: &SilhouetteOptions,
+    ) -> Result<Self, SilhouetteError> {
+        use rayon::prelude::*;
+        let old: Vec<_> = self.silhouettes.into_iter().zip(views.views()).enumerate().collect();
+        let renew = |(index, (own, view)): (usize, (Silhouette, &View))| {
+            if is_changed(index) { Silhouette::of_view(view, options) } else { Ok(own) }
+        };
+        let found: Vec<_> = old.into_par_iter().map(renew).collect();
+        let silhouettes = found.into_iter().collect::<Result<Vec<_>, _>>()?;
+        Ok(Self { silhouettes, opposites: Vec::new() })
+    }
+
     /// Those of opposite views made one, if `options` say so.
     #[must_use]
     pub fn joined(mut self, options: &SilhouetteOptions) -> Self {
