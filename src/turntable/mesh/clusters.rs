@@ -1,10 +1,10 @@
 //! Fewer vertices where the surface is flat, before edges are collapsed one by
 //! one: blocks of cells get one vertex each, as leaves of an octree do.
 
-use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
 
 use super::decimate;
+use super::faces::Faces;
 use super::occupancy::{Occupancy, corner_to_fill};
 use super::surface::QuadMesh;
 use crate::geometry::Mesh;
@@ -15,9 +15,6 @@ const LARGEST_BLOCK: usize = 4;
 const PARTS_PER_BLOCK: usize = 3;
 /// Quads that are cut in one go.
 const QUADS_PER_TASK: usize = 8192;
-/// The share of a block's area that its directed area must be: more bent ones
-/// hold creases.
-const MIN_COHERENCE: f64 = 0.9;
 
 /// The mesh's triangles, with the vertices of a block of cells made one where
 /// it stays within `tolerance_px`, root mean square, of all faces around, and
@@ -76,56 +73,6 @@ struct Block {
     /// The vertex where they are put.
     place: u32,
     faces: Faces,
-}
-
-/// The planes of faces, for distances from them.
-#[derive(Clone, Copy, Default)]
-struct Faces {
-    /// Area-weighted sums of `n n'` (xx, yy, zz, xy, yz, zx), `d n` and `d d`
-    /// over planes `n p + d = 0`.
-    quadratic: [f64; 6],
-    linear: Vector3<f64>,
-    constant: f64,
-    area: f64,
-    directed: Vector3<f64>,
-}
-
-impl Faces {
-    fn of_quad(corners: [Point3<f64>; 4]) -> Self {
-        let [a, b, c, d] = corners.map(|corner| corner.coords);
-        let directed = (c - a).cross(&(d - b)) / 2.0;
-        let area = directed.norm();
-        let normal = directed / area.max(1e-12);
-        let offset = -normal.dot(&(a + b + c + d)) / 4.0;
-        let [n, v] = [normal, directed];
-        Self {
-            quadratic: [n.x * v.x, n.y * v.y, n.z * v.z, n.x * v.y, n.y * v.z, n.z * v.x],
-            linear: directed * offset,
-            constant: offset * offset * area,
-            area,
-            directed,
-        }
-    }
-
-    fn add(&mut self, other: &Self) {
-        self.quadratic.iter_mut().zip(other.quadratic).for_each(|(sum, entry)| *sum += entry);
-        self.linear += other.linear;
-        self.constant += other.constant;
-        self.area += other.area;
-        self.directed += other.directed;
-    }
-
-    /// The mean squared distance of `point` from the planes.
-    fn mean_squared(&self, point: &Vector3<f64>) -> f64 {
-        let [x, y, z] = (*point).into();
-        let products = [x * x, y * y, z * z, 2.0 * x * y, 2.0 * y * z, 2.0 * z * x];
-        let squared: f64 = self.quadratic.iter().zip(products).map(|(entry, p)| entry * p).sum();
-        (squared + 2.0 * self.linear.dot(point) + self.constant) / self.area.max(1e-12)
-    }
-
-    fn is_bent(&self) -> bool {
-        self.directed.norm() < MIN_COHERENCE * self.area
-    }
 }
 
 /// The corners of a block among its 27 nodes, X fastest.
@@ -325,6 +272,7 @@ impl Grouped {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Point3;
     use rand::{Rng, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
