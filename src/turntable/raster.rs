@@ -26,3 +26,40 @@ pub fn two_passes<T>(distances: &mut [T], width: usize, relax: impl Fn(&mut [T],
         distances.reverse();
     }
 }
+
+/// Half-open ranges of columns that are not 0, left to right.
+pub fn runs(row: &[u8]) -> impl Iterator<Item = (usize, usize)> + '_ {
+    let mut next = 0;
+    std::iter::from_fn(move || {
+        let start = next + zeros(&row[next..]);
+        if start == row.len() {
+            return None;
+        }
+        let length = row[start..].iter().position(|&level| level == 0);
+        next = length.map_or(row.len(), |length| start + length);
+        Some((start, next))
+    })
+}
+
+/// How many zeros a row starts with.
+fn zeros(row: &[u8]) -> usize {
+    const AT_ONCE: usize = 32;
+    let (chunks, _) = row.as_chunks::<AT_ONCE>();
+    let skipped = chunks.iter().take_while(|chunk| **chunk == [0; AT_ONCE]).count() * AT_ONCE;
+    skipped + row[skipped..].iter().take_while(|&&level| level == 0).count()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn runs_are_found_whatever_their_place() {
+        let mut row = [0; 100];
+        assert_eq!(runs(&row).count(), 0);
+        row[0] = 255;
+        row[40..70].fill(255);
+        row[97..].fill(1);
+        assert_eq!(runs(&row).collect::<Vec<_>>(), [(0, 1), (40, 70), (97, 100)]);
+    }
+}

@@ -1,21 +1,20 @@
 //! Fewer vertices where the surface is flat, before edges are collapsed one by
 //! one: blocks of cells get one vertex each, as leaves of an octree do.
 
-use nalgebra::{Matrix3, Point3, Vector3};
 use rayon::prelude::*;
 
 use super::decimate;
+use super::faces::Faces;
 use super::occupancy::{Occupancy, corner_to_fill};
 use super::surface::QuadMesh;
 use crate::geometry::Mesh;
 
 /// Blocks are at most this many cells long.
 const LARGEST_BLOCK: usize = 4;
+/// Parts of a block that the surface runs through, about.
+const PARTS_PER_BLOCK: usize = 3;
 /// Quads that are cut in one go.
 const QUADS_PER_TASK: usize = 8192;
-/// The share of a block's area that its directed area must be: more bent ones
-/// hold creases.
-const MIN_COHERENCE: f64 = 0.9;
 
 /// The mesh's triangles, with the vertices of a block of cells made one where
 /// it stays within `tolerance_px`, root mean square, of all faces around, and
@@ -74,52 +73,6 @@ struct Block {
     /// The vertex where they are put.
     place: u32,
     faces: Faces,
-}
-
-/// The planes of faces, for distances from them.
-#[derive(Clone, Copy, Default)]
-struct Faces {
-    /// Area-weighted sums of `n n'`, `d n` and `d d` over planes `n p + d = 0`.
-    quadratic: Matrix3<f64>,
-    linear: Vector3<f64>,
-    constant: f64,
-    area: f64,
-    directed: Vector3<f64>,
-}
-
-impl Faces {
-    fn of_quad(corners: [Point3<f64>; 4]) -> Self {
-        let [a, b, c, d] = corners.map(|corner| corner.coords);
-        let directed = (c - a).cross(&(d - b)) / 2.0;
-        let area = directed.norm();
-        let normal = directed.try_normalize(1e-12).unwrap_or_default();
-        let offset = -normal.dot(&(a + b + c + d)) / 4.0;
-        Self {
-            quadratic: normal * normal.transpose() * area,
-            linear: normal * (offset * area),
-            constant: offset * offset * area,
-            area,
-            directed,
-        }
-    }
-
-    fn add(&mut self, other: &Self) {
-        self.quadratic += other.quadratic;
-        self.linear += other.linear;
-        self.constant += other.constant;
-        self.area += other.area;
-        self.directed += other.directed;
-    }
-
-    /// The mean squared distance of `point` from the planes.
-    fn mean_squared(&self, point: &Vector3<f64>) -> f64 {
-        let sum = point.dot(&(self.quadratic * point)) + 2.0 * self.linear.dot(point);
-        (sum + self.constant) / self.area.max(1e-12)
-    }
-
-    fn is_bent(&self) -> bool {
-        self.directed.norm() < MIN_COHERENCE * self.area
-    }
 }
 
 /// The corners of a block among its 27 nodes, X fastest.
@@ -187,7 +140,7 @@ impl Merger<'_> {
         let starts = &self.mesh.layer_vertices;
         let first = starts[k];
         let cells = &self.mesh.cells[first..starts[(k + 2).min(starts.len() - 1)]];
-        let mut grouped = Grouped::new(self.inside);
+        let mut grouped = Grouped::new(self.inside, cells.len());
         for (&cell, vertex) in cells.iter().zip(first as u32..) {
             grouped.push(cell, vertex, true);
         }
@@ -222,7 +175,7 @@ impl Merger<'_> {
     /// Blocks `length` cells long; per block half as long the larger one, by
     /// index, and the larger ones.
     fn blocks_of_blocks(&self, halves: &[Block], length: usize) -> (Vec<u32>, Vec<Block>) {
-        let mut grouped = Grouped::new(self.inside);
+        let mut grouped = Grouped::new(self.inside, halves.len());
         for half in halves {
             grouped.push(half.at, half.place, half.is_one);
         }
@@ -284,7 +237,7 @@ struct Grouped {
 }
 
 impl Grouped {
-    fn new(inside: &Occupancy) -> Self {
+    fn new(inside: &Occupancy, count: usize) -> Self {
         let [nx, ny, _] = inside.nodes();
         let (width, height) = (nx / 2 + 1, ny / 2 + 1);
         Self {
@@ -292,9 +245,9 @@ impl Grouped {
             height,
             index: Vec::new(),
             layer: None,
-            parents: Vec::new(),
-            blocks: Vec::new(),
-            candidates: Vec::new(),
+            parents: Vec::with_capacity(count),
+            blocks: Vec::with_capacity(count / PARTS_PER_BLOCK),
+            candidates: Vec::with_capacity(count / PARTS_PER_BLOCK),
         }
     }
 
@@ -319,6 +272,7 @@ impl Grouped {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Point3;
     use rand::{Rng, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 

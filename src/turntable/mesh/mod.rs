@@ -4,6 +4,7 @@ pub mod clusters;
 pub mod components;
 pub mod confidence;
 pub mod decimate;
+pub mod faces;
 pub mod marching;
 pub mod occupancy;
 pub mod quads;

@@ -36,7 +36,8 @@ const SLAB_LAYERS: usize = 8;
 pub fn quads_of_field(field: &Field, inside: &Occupancy) -> QuadMesh {
     // Cell (i, j, k) spans nodes i-1..=i, j-1..=j, k-1..=k; nodes beyond the
     // lattice are outside.
-    let count = field.lattice.nodes[2] + 1;
+    let [nx, ny, nz] = field.lattice.nodes;
+    let count = nz + 1;
     let layers: Vec<Layer> =
         (0..count).into_par_iter().map(|k| Layer::new(field, inside, k)).collect();
     let layer_vertices = starts(layers.iter().map(|layer| layer.cells.len()));
@@ -44,14 +45,17 @@ pub fn quads_of_field(field: &Field, inside: &Occupancy) -> QuadMesh {
     let quads: Vec<Vec<Vec<[u32; 4]>>> = slabs
         .into_par_iter()
         .map(|from| {
-            let indexed = |k: usize| layers[k].indexed(inside, layer_vertices[k]);
-            // Nothing crosses the border below the lowest layer.
-            let mut below = from.checked_sub(1).map(indexed).unwrap_or_default();
+            // Only entries of mixed cells are read, which the layer at hand
+            // has written: what others left need not be cleared.
+            let [mut below, mut current] = [(); 2].map(|()| vec![0; (nx + 1) * (ny + 1)]);
+            if let Some(k) = from.checked_sub(1) {
+                layers[k].index(layer_vertices[k], &mut below, nx + 1);
+            }
             let slab = from..(from + SLAB_LAYERS).min(count);
             slab.map(|k| {
-                let current = indexed(k);
+                layers[k].index(layer_vertices[k], &mut current, nx + 1);
                 let quads = quads_of_layer(inside, k, [&below, &current]);
-                below = current;
+                std::mem::swap(&mut below, &mut current);
                 quads
             })
             .collect()
@@ -98,14 +102,12 @@ impl Layer {
         layer
     }
 
-    /// The vertex of every cell of the layer, row by row; `u32::MAX` for none.
-    fn indexed(&self, inside: &Occupancy, first: usize) -> Vec<u32> {
-        let [nx, ny, _] = inside.nodes();
-        let mut vertices = vec![u32::MAX; (nx + 1) * (ny + 1)];
+    /// Writes the vertex of each of the layer's cells, counted from `first`, to
+    /// its place in rows of `width` cells.
+    fn index(&self, first: usize, vertices: &mut [u32], width: usize) {
         for (&[i, j, _], index) in self.cells.iter().zip(first as u32..) {
-            vertices[usize::from(j) * (nx + 1) + usize::from(i)] = index;
+            vertices[usize::from(j) * width + usize::from(i)] = index;
         }
-        vertices
     }
 }
 
@@ -137,6 +139,9 @@ fn vertex(
     // A cell's low corner has one index less in the lattice.
     let steps = Vector3::from(cell.map(|index| index as f64 - 1.0)) + mean;
     let mut position = lattice.origin + steps * lattice.pitch_px;
+    if creases.is_empty() {
+        return position;
+    }
     let column = cell[1] * (lattice.nodes[0] + 1) + cell[0];
     let first = creases.partition_point(|(cell, _)| *cell < column);
     let here: Vec<_> = creases[first..].iter().take_while(|(cell, _)| *cell == column).collect();
@@ -152,13 +157,16 @@ fn vertex(
 /// The field at a cell's corners.
 fn values_around(field: &Field, [i, j, k]: [usize; 3]) -> [f32; 8] {
     let outside = -field.lattice.truncation_px() as f32;
-    std::array::from_fn(|corner| {
-        let node = [i + (corner & 1), j + (corner >> 1 & 1), k + (corner >> 2)];
-        match node.map(|index| index.checked_sub(1)) {
-            [Some(i), Some(j), Some(k)] => field.at(i, j, k),
-            _ => outside,
+    let mut values = [outside; 8];
+    for (above, values) in values.chunks_exact_mut(4).enumerate() {
+        let plane = (k + above).checked_sub(1).and_then(|k| field.planes.get(k));
+        for (corner, value) in values.iter_mut().enumerate() {
+            // The border's index of -1 wraps to one beyond every window.
+            let [i, j] = [i + (corner & 1), j + (corner >> 1)].map(|index| index.wrapping_sub(1));
+            *value = plane.map_or(outside, |plane| plane.at(i, j, outside));
         }
-    })
+    }
+    values
 }
 
 /// The mean of where the surface crosses a cell's edges, from its low corner,
@@ -168,22 +176,28 @@ fn values_around(field: &Field, [i, j, k]: [usize; 3]) -> [f32; 8] {
 fn mean_crossing(inside: u8, values: &[f32; 8]) -> Vector3<f64> {
     let mut sum = Vector3::zeros();
     let mut count = 0.0;
-    for axis in 0..3 {
-        for from in (0..8).filter(|corner| corner >> axis & 1 == 0) {
-            let to = from | 1 << axis;
+    for (axis, ends) in EDGES.iter().enumerate() {
+        for &[from, to] in ends {
             if (inside >> from ^ inside >> to) & 1 == 0 {
                 continue;
             }
             let (a, b) = (f64::from(values[from]), f64::from(values[to]));
             // Nodes flipped to keep the set well composed have no crossing of their own.
             let share = if (a > 0.0) == (b > 0.0) { 0.5 } else { (a / (a - b)).clamp(0.02, 0.98) };
-            sum += Vector3::from([0, 1, 2].map(|bit| (from >> bit & 1) as f64));
+            sum += Vector3::new(from & 1, from >> 1 & 1, from >> 2).cast::<f64>();
             sum[axis] += share;
             count += 1.0;
         }
     }
     sum / f64::max(count, 1.0)
 }
+
+/// A cell's edges along each axis by their corners' bits.
+const EDGES: [[[usize; 2]; 4]; 3] = [
+    [[0, 1], [2, 3], [4, 5], [6, 7]],
+    [[0, 2], [1, 3], [4, 6], [5, 7]],
+    [[0, 4], [1, 5], [2, 6], [3, 7]],
+];
 
 /// Emits the quads around lattice edges of slice `k - 1` along X and Y, and
 /// around the edges from it to slice `k`.

@@ -36,8 +36,8 @@ pub fn bridges(ink: &InkMap, max_gap_px: u32) -> Vec<Bridge> {
         return Vec::new();
     }
     let lines = Lines::thinned(ink);
-    let skeleton = (0..lines.skeleton.len()).filter(|&index| lines.skeleton[index]);
-    let ends: Vec<End> = skeleton.filter_map(|index| lines.end_at(index)).take(MAX_ENDS).collect();
+    let skeleton = lines.thin.iter();
+    let ends: Vec<End> = skeleton.filter_map(|&index| lines.end_at(index)).take(MAX_ENDS).collect();
     let max_gap_px = f64::from(max_gap_px);
     let ahead = ends.iter().filter_map(|end| lines.bridge_from(end, max_gap_px));
     let facing = facing_pairs(&ends, FACING_GAP * max_gap_px);
@@ -79,6 +79,8 @@ struct Lines {
     width: usize,
     inked: Vec<bool>,
     skeleton: Vec<bool>,
+    /// The skeleton's pixels, ascending.
+    thin: Vec<usize>,
 }
 
 /// The end of a stroke and the direction in which it would go on.
@@ -94,14 +96,16 @@ impl Lines {
     fn thinned(ink: &InkMap) -> Self {
         let width = ink.width() + 2;
         let mut inked = vec![false; width * (ink.height() + 2)];
+        let mut left: Vec<usize> = Vec::new();
         for y in 0..ink.height() {
-            let row = &mut inked[(y + 1) * width + 1..(y + 2) * width - 1];
-            for (inked, share) in row.iter_mut().zip(ink.row(y)) {
-                *inked = *share > INK_THRESHOLD;
+            let start = (y + 1) * width + 1;
+            for (index, _) in (start..).zip(ink.row(y)).filter(|(_, share)| **share > INK_THRESHOLD)
+            {
+                inked[index] = true;
+                left.push(index);
             }
         }
-        let mut lines = Self { width, skeleton: inked.clone(), inked };
-        let mut left: Vec<usize> = (0..lines.skeleton.len()).filter(|&i| lines.inked[i]).collect();
+        let mut lines = Self { width, skeleton: inked.clone(), inked, thin: Vec::new() };
         for _ in 0..MAX_STROKE_PX {
             let before = left.len();
             for second in [false, true] {
@@ -118,6 +122,7 @@ impl Lines {
                 break;
             }
         }
+        lines.thin = left;
         lines
     }
 

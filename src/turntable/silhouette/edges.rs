@@ -1,6 +1,7 @@
 use image::GrayImage;
 
 use super::super::ink::{INK_THRESHOLD, InkMap};
+use super::super::raster::runs;
 
 /// Strokes wider than this are areas, not lines, px.
 const MAX_LINE_PX: f64 = 6.0;
@@ -77,15 +78,4 @@ pub fn row_intervals(ink: &InkMap, mask: &GrayImage, half_line_px: f64) -> Vec<V
 
 pub fn rows(mask: &GrayImage) -> impl Iterator<Item = &[u8]> {
     mask.as_raw().chunks_exact(mask.width().max(1) as usize)
-}
-
-/// Half-open ranges of columns that are not 0.
-pub fn runs(row: &[u8]) -> impl Iterator<Item = (usize, usize)> + '_ {
-    let mut next = 0;
-    std::iter::from_fn(move || {
-        let start = next + row[next..].iter().position(|&level| level != 0)?;
-        let length = row[start..].iter().position(|&level| level == 0);
-        next = length.map_or(row.len(), |length| start + length);
-        Some((start, next))
-    })
 }

@@ -102,45 +102,63 @@ fn lower(row: &mut [u8], above: &[u8]) {
 /// then lets the flood creep back to the lines it was held off from.
 fn inside_with_gaps_closed(ink: &InkMap, distance: &[u8], radius: u32) -> Vec<bool> {
     let (width, height) = (ink.width(), ink.height());
-    let mut outside = flooded(width, height, |index| u32::from(distance[index]) > radius);
-    let mut held_off: Vec<usize> = (0..outside.len())
-        .filter(|&index| (1..=radius).contains(&u32::from(distance[index])))
+    let open = distance.iter().map(|&distance| u32::from(distance) > radius).collect();
+    let mut outside = flooded(width, height, open);
+    let is_held_off = |index: usize| (1..=radius).contains(&u32::from(distance[index]));
+    let mut front: Vec<usize> = (0..outside.len())
+        .filter(|&index| is_held_off(index) && !outside[index])
+        .filter(|&index| around(index, width, outside.len()).any(|near| outside[near]))
         .collect();
-    for _ in 0..radius {
-        creep(&mut outside, &mut held_off, width);
+    front.iter().for_each(|&index| outside[index] = true);
+    for _ in 1..radius {
+        let mut next = Vec::new();
+        for index in front {
+            for near in around(index, width, outside.len()) {
+                if !outside[near] && is_held_off(near) {
+                    outside[near] = true;
+                    next.push(near);
+                }
+            }
+        }
+        front = next;
     }
     outside.iter_mut().for_each(|is| *is = !*is);
     outside
 }
 
-/// The pixels that satisfy `open` and connect to the border through such
-/// pixels, run by run.
-fn flooded(width: usize, height: usize, open: impl Fn(usize) -> bool) -> Vec<bool> {
+/// The up to eight pixels around `index` in an image of `count` pixels.
+fn around(index: usize, width: usize, count: usize) -> impl Iterator<Item = usize> {
+    let x = index % width;
+    let row = index - x;
+    let columns = x.saturating_sub(1)..(x + 2).min(width);
+    let rows = [row.checked_sub(width), Some(row), Some(row + width).filter(|&row| row < count)];
+    let rows = rows.into_iter().flatten();
+    let all = rows.flat_map(move |row| columns.clone().map(move |column| row + column));
+    all.filter(move |&near| near != index)
+}
+
+/// The `open` pixels that connect to the border through such pixels, run by run.
+fn flooded(width: usize, height: usize, mut open: Vec<bool>) -> Vec<bool> {
     let mut reached = vec![false; width * height];
     let ends = (0..height).flat_map(|y| [y * width, y * width + width - 1]);
     let mut pending: Vec<usize> =
         (0..width).chain((height - 1) * width..height * width).chain(ends).collect();
     while let Some(index) = pending.pop() {
-        if reached[index] || !open(index) {
+        if !open[index] {
             continue;
         }
         let row = index - index % width;
-        let is_new = |index: usize, reached: &[bool]| !reached[index] && open(index);
-        let mut from = index;
-        while from > row && is_new(from - 1, &reached) {
-            from -= 1;
-        }
-        let mut to = index + 1;
-        while to < row + width && is_new(to, &reached) {
-            to += 1;
-        }
+        let before = open[row..index].iter().rev().take_while(|open| **open).count();
+        let after = open[index..row + width].iter().take_while(|open| **open).count();
+        let (from, to) = (index - before, index + after);
+        // What is reached need not be gone to again.
+        open[from..to].fill(false);
         reached[from..to].fill(true);
         let above = row.checked_sub(width).map(|_| from - width..to - width);
         let below = (to + width <= reached.len()).then_some(from + width..to + width);
         for beside in above.into_iter().chain(below) {
             let mut in_run = false;
-            for next in beside {
-                let starts = is_new(next, &reached);
+            for (next, &starts) in beside.clone().zip(&open[beside]) {
                 if starts && !in_run {
                     pending.push(next);
                 }
@@ -149,23 +167,6 @@ fn flooded(width: usize, height: usize, open: impl Fn(usize) -> bool) -> Vec<boo
         }
     }
     reached
-}
-
-/// Grows the outside by one pixel (chessboard) over the paper that was held off.
-fn creep(outside: &mut [bool], held_off: &mut Vec<usize>, width: usize) {
-    let touches = |index: usize| {
-        let x = index % width;
-        let columns = [x.checked_sub(1), Some(x), Some(x + 1).filter(|&x| x < width)];
-        let row = index - x;
-        columns.into_iter().flatten().any(|column| {
-            let at = |row: usize| outside.get(row + column).copied().unwrap_or(false);
-            at(row) || at(row + width) || row.checked_sub(width).is_some_and(at)
-        })
-    };
-    let (reached, left): (Vec<usize>, Vec<usize>) =
-        held_off.iter().partition(|&&index| touches(index));
-    reached.into_iter().for_each(|index| outside[index] = true);
-    *held_off = left;
 }
 
 /// Adds to `inside` the connected regions of `closed` outside it that hold a

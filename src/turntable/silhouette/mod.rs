@@ -70,19 +70,23 @@ impl Window {
     /// The lines' bounds, with so much paper around that closing gaps of up to
     /// `max_gap_px` leaves the image's border and theirs connected.
     fn of_ink(ink: &InkMap, max_gap_px: usize) -> Self {
-        let is_ink = |share: &f32| *share > INK_THRESHOLD;
-        let (mut from, mut to) = ([ink.width(), ink.height()], [0; 2]);
-        for y in 0..ink.height() {
-            let row = ink.row(y);
-            if let Some(first) = row.iter().position(is_ink) {
-                let last = row.iter().rposition(is_ink).unwrap_or(first);
-                from = [from[0].min(first), from[1].min(y)];
-                to = [to[0].max(last + 1), y + 1];
-            }
-        }
-        if to == [0; 2] {
+        let mut columns = vec![false; ink.width()];
+        let has_ink = |y: usize, columns: &mut [bool]| {
+            columns.iter_mut().zip(ink.row(y)).fold(false, |any, (column, share)| {
+                let is_ink = *share > INK_THRESHOLD;
+                *column |= is_ink;
+                any | is_ink
+            })
+        };
+        let rows: Vec<bool> = (0..ink.height()).map(|y| has_ink(y, &mut columns)).collect();
+        let bounds = |inked: &[bool]| {
+            let first = inked.iter().position(|is| *is)?;
+            Some([first, inked.iter().rposition(|is| *is)? + 1])
+        };
+        let Some(([left, right], [top, bottom])) = bounds(&columns).zip(bounds(&rows)) else {
             return Self { from: [0; 2], to: [ink.width(), ink.height()] };
-        }
+        };
+        let (from, to) = ([left, top], [right, bottom]);
         let margin = max_gap_px.div_ceil(2) + 2;
         Self {
             from: from.map(|from| from.saturating_sub(margin)),
@@ -222,6 +226,27 @@ impl Silhouettes {
         use rayon::prelude::*;
         let found: Vec<_> =
             views.views().par_iter().map(|view| Silhouette::of_view(view, options)).collect();
+        let silhouettes = found.into_iter().collect::<Result<Vec<_>, _>>()?;
+        Ok(Self { silhouettes, opposites: Vec::new() })
+    }
+
+    /// Finds the silhouettes of those views again that `is_changed` names, by
+    /// index; the others are kept. From each view alone, as these are.
+    ///
+    /// # Errors
+    /// As [`of_views`](Self::of_views).
+    pub fn with_changed(
+        self,
+        views: &ViewSet,
+        is_changed: impl Fn(usize) -> bool + Sync,
+        options: &SilhouetteOptions,
+    ) -> Result<Self, SilhouetteError> {
+        use rayon::prelude::*;
+        let old: Vec<_> = self.silhouettes.into_iter().zip(views.views()).enumerate().collect();
+        let renew = |(index, (own, view)): (usize, (Silhouette, &View))| {
+            if is_changed(index) { Silhouette::of_view(view, options) } else { Ok(own) }
+        };
+        let found: Vec<_> = old.into_par_iter().map(renew).collect();
         let silhouettes = found.into_iter().collect::<Result<Vec<_>, _>>()?;
         Ok(Self { silhouettes, opposites: Vec::new() })
     }

@@ -144,3 +144,40 @@ fn contradicting_opposites_are_left_alone() {
     assert!(!found.opposites[0].joined);
     assert!(matches!(found.silhouettes[0].source(), SilhouetteSource::Filled { .. }));
 }
+
+#[test]
+fn paper_around_the_drawing_changes_nothing() {
+    let ring = circle(60.0, 30.0);
+    // A gap that lines bridge and a wide one that only a given width closes.
+    let gapped = stroke(2.0, |u, v| {
+        let angle = (v - 45.0).atan2(u - 60.0);
+        if angle.abs() < 0.06 || (angle - 1.5).abs() < 0.13 { 9.0 } else { ring(u, v) }
+    });
+    let mut wide = GrayImage::from_pixel(WIDTH + 70, HEIGHT + 50, Luma([255]));
+    image::imageops::replace(&mut wide, &gapped, 40, 30);
+    let (own, padded) = (silhouette(gapped), silhouette(wide));
+    assert_eq!(padded.source(), own.source());
+    assert_eq!(padded.area_px(), own.area_px());
+    assert!(
+        own.mask()
+            .enumerate_pixels()
+            .all(|(x, y, level)| { padded.mask().get_pixel(x + 40, y + 30) == level })
+    );
+    let (width, wider) = (WIDTH as usize, WIDTH as usize + 70);
+    let moved = own.bridges().iter().map(|index| (index / width + 30) * wider + index % width + 40);
+    assert!(!own.bridges().is_empty());
+    assert_eq!(padded.bridges(), moved.collect::<Vec<_>>());
+}
+
+#[test]
+fn only_changed_views_are_found_again() {
+    let views = |radius: f64| {
+        let images = [0.0, 60.0].map(|degrees| view(degrees, stroke(1.5, circle(60.0, radius))));
+        ViewSet::new(images.to_vec()).unwrap()
+    };
+    let options = SilhouetteOptions::default();
+    let before = Silhouettes::of_views_alone(&views(20.0), &options).unwrap();
+    let after = before.clone().with_changed(&views(30.0), |view| view == 1, &options).unwrap();
+    assert_eq!(after.silhouettes[0].area_px(), before.silhouettes[0].area_px());
+    assert!(after.silhouettes[1].area_px() > 2 * before.silhouettes[1].area_px());
+}

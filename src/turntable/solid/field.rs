@@ -34,8 +34,10 @@ impl Lattice {
     /// The nodes along one axis between two coordinates, clamped to the lattice.
     fn range(&self, axis: usize, low: f64, high: f64) -> std::ops::Range<usize> {
         let index = |value: f64| (value - self.origin[axis]) / self.pitch_px;
-        let first = index(low).ceil().max(0.0) as usize;
-        let last = (index(high).floor() + 1.0).max(0.0) as usize;
+        // Rounded by casts, which are quicker than calls.
+        let low = index(low).max(0.0);
+        let first = (low as usize).saturating_add(usize::from(low > (low as usize) as f64));
+        let last = (index(high) + 1.0).max(0.0) as usize;
         first.min(self.nodes[axis])..last.min(self.nodes[axis])
     }
 }
@@ -56,15 +58,23 @@ impl Plane {
     /// The union of `polygons` on `lattice`. Polygons are simple and
     /// counter-clockwise.
     pub fn of_polygons(lattice: &Lattice, polygons: &[Vec<Point2<f64>>]) -> Self {
-        let mut plane = Self::window(lattice, polygons.iter().flatten());
+        if let [polygon] = polygons {
+            return Self::of_polygon(lattice, polygon);
+        }
+        let outside = -lattice.truncation_px() as f32;
+        let mut plane = Self::window(lattice, polygons.iter().flatten(), outside);
         for polygon in polygons {
-            plane.add(lattice, polygon);
+            plane.unite(&Self::of_polygon(lattice, polygon));
         }
         plane
     }
 
-    /// What is near `corners`, outside.
-    fn window<'a>(lattice: &Lattice, corners: impl IntoIterator<Item = &'a Point2<f64>>) -> Self {
+    /// What is near `corners`, all of it `value`.
+    fn window<'a>(
+        lattice: &Lattice,
+        corners: impl IntoIterator<Item = &'a Point2<f64>>,
+        value: f32,
+    ) -> Self {
         let margin = lattice.truncation_px();
         let mut corners = corners.into_iter();
         let Some(first) = corners.next() else {
@@ -74,28 +84,32 @@ impl Plane {
             corners.fold((*first, *first), |(low, high), p| (low.inf(p), high.sup(p)));
         let columns = lattice.range(0, low.x - margin, high.x + margin);
         let rows = lattice.range(1, low.y - margin, high.y + margin);
-        let outside = -lattice.truncation_px() as f32;
         Self {
             first: [columns.start, rows.start],
             size: [columns.len(), rows.len()],
-            values: vec![outside; columns.len() * rows.len()],
+            values: vec![value; columns.len() * rows.len()],
             creases: Vec::new(),
         }
     }
 
-    fn add(&mut self, lattice: &Lattice, polygon: &[Point2<f64>]) {
-        let mut own = Self::window(lattice, polygon);
-        own.values.fill((lattice.truncation_px() * lattice.truncation_px()) as f32);
+    fn of_polygon(lattice: &Lattice, polygon: &[Point2<f64>]) -> Self {
+        let farthest = lattice.truncation_px() * lattice.truncation_px();
+        let mut plane = Self::window(lattice, polygon, farthest as f32);
         for (i, from) in polygon.iter().enumerate() {
-            own.lower_to_segment(lattice, from, &polygon[(i + 1) % polygon.len()]);
+            plane.lower_to_segment(lattice, from, &polygon[(i + 1) % polygon.len()]);
         }
-        own.values.iter_mut().for_each(|squared| *squared = squared.sqrt());
-        own.negate_outside(lattice, polygon);
-        let offset = [0, 1].map(|axis| own.first[axis] - self.first[axis]);
-        for (j, row) in own.values.chunks_exact(own.size[0].max(1)).enumerate() {
+        plane.values.iter_mut().for_each(|squared| *squared = squared.sqrt());
+        plane.negate_outside(lattice, polygon);
+        plane
+    }
+
+    /// Adds what is inside `other`, whose window lies in this one's.
+    fn unite(&mut self, other: &Self) {
+        let offset = [0, 1].map(|axis| other.first[axis].saturating_sub(self.first[axis]));
+        for (j, row) in other.values.chunks_exact(other.size[0].max(1)).enumerate() {
             let start = (offset[1] + j) * self.size[0] + offset[0];
-            for (value, own) in self.values[start..].iter_mut().zip(row) {
-                *value = value.max(*own);
+            for (value, other) in self.values[start..].iter_mut().zip(row) {
+                *value = value.max(*other);
             }
         }
     }

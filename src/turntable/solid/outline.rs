@@ -1,5 +1,6 @@
 use nalgebra::{Point2, Vector2};
 
+use super::super::raster::runs;
 use super::super::silhouette::Silhouette;
 
 /// A silhouette as one bound per slice of the solid: in the turntable frame,
@@ -17,21 +18,23 @@ impl Outline {
     /// stroke above or below is outside: the stroke is as thick downward as it
     /// is sideways.
     pub fn from_silhouette(silhouette: &Silhouette, axis_px: f64) -> Self {
-        let height = silhouette.mask().height() as usize;
+        let (width, height) = silhouette.mask().dimensions();
+        let (width, height) = (width as usize, height as usize);
+        let mask = silhouette.mask().as_raw();
         let reach = silhouette.half_line_px().round() as usize;
+        let shifted = |bounds: &(f64, f64)| (bounds.0 - axis_px, bounds.1 - axis_px);
+        let whole = |y: usize| -> Vec<(f64, f64)> {
+            let runs = mask.get(y * width..(y + 1) * width).into_iter().flat_map(runs);
+            runs.map(|(from, to)| shifted(&(from as f64, to as f64))).collect()
+        };
         let rows = (0..height)
             .map(|y| {
-                let own: Vec<(f64, f64)> = silhouette
-                    .intervals_px(y)
-                    .iter()
-                    .map(|&(left, right)| (left - axis_px, right - axis_px))
-                    .collect();
+                let own: Vec<_> = silhouette.intervals_px(y).iter().map(shifted).collect();
                 if reach == 0 || own.is_empty() {
                     return own;
                 }
-                let above = y.checked_sub(reach).map(|y| raw_runs(silhouette, y, axis_px));
-                let below = raw_runs(silhouette, y + reach, axis_px);
-                intersection(&intersection(&own, &above.unwrap_or_default()), &below)
+                let above = y.checked_sub(reach).map(whole).unwrap_or_default();
+                intersection(&intersection(&own, &above), &whole(y + reach))
             })
             .collect();
         Self { azimuth_rad: silhouette.azimuth().radians(), rows }
@@ -83,22 +86,6 @@ impl Outline {
         let sine = (self.azimuth_rad - other.azimuth_rad).sin();
         sine.abs() < 1e-3
     }
-}
-
-fn raw_runs(silhouette: &Silhouette, y: usize, axis_px: f64) -> Vec<(f64, f64)> {
-    let mask = silhouette.mask();
-    let width = mask.width() as usize;
-    let Some(row) = mask.as_raw().chunks_exact(width.max(1)).nth(y) else {
-        return Vec::new();
-    };
-    let mut runs = Vec::new();
-    let mut next = 0;
-    while let Some(skipped) = row[next..].iter().position(|&level| level != 0) {
-        let from = next + skipped;
-        next = row[from..].iter().position(|&level| level == 0).map_or(width, |run| from + run);
-        runs.push((from as f64 - axis_px, next as f64 - axis_px));
-    }
-    runs
 }
 
 /// What two ascending lists of disjoint intervals share.

@@ -147,10 +147,10 @@ fn grown(bits: &[bool], width: usize, columns: usize, rows: usize) -> Vec<bool> 
     }
     let mut tall = wide.clone();
     for y in 0..height {
+        let out = &mut tall[y * width..(y + 1) * width];
         for near in y.saturating_sub(rows)..(y + rows + 1).min(height) {
-            for x in 0..width {
-                tall[y * width + x] |= wide[near * width + x];
-            }
+            let near = &wide[near * width..(near + 1) * width];
+            out.iter_mut().zip(near).for_each(|(out, near)| *out |= near);
         }
     }
     tall

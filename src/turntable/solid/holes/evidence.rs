@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 use std::f64::consts::PI;
 
+use super::super::super::raster::stroke_scale;
 use super::super::outline::{Outline, difference, intersection, length, union};
 use super::super::rounding::rounded;
 use super::super::section::{Section, sections_of_row};
@@ -16,8 +17,8 @@ const MIN_OPPOSITE_IOU: f64 = 0.9;
 const MIN_THROUGH_IOU: f64 = 0.75;
 /// Regions keep so far away from ink, and the subject ends in the middle of the line, px.
 const LINE_MARGIN_PX: f64 = 3.0;
-/// Every so many rows are tested.
-const ROW_STEP: usize = 2;
+/// Every so many rows of small drawings are tested.
+const ROW_STEP: f64 = 2.0;
 
 type Intervals = Vec<(f64, f64)>;
 
@@ -74,11 +75,7 @@ impl Evidence<'_> {
     fn through_iou(&self, carved: &Region, seen: &Region) -> f64 {
         let bounds = self.bounds(carved.view);
         let axis = self.sheet.views[seen.view].outline.right();
-        let rows: BTreeSet<usize> = [carved, seen]
-            .iter()
-            .flat_map(|region| region.runs.iter().map(|run| run.0))
-            .filter(|row| row % ROW_STEP == 0)
-            .collect();
+        let rows = self.tested_rows(&[carved, seen]);
         let (mut shared, mut either) = ([0.0; 2], [0.0; 2]);
         for y in rows {
             let (before, after) = self.sections(&bounds, carved, y);
@@ -99,8 +96,7 @@ impl Evidence<'_> {
     /// would stand behind once the region is carved.
     pub fn uncovered_share(&self, region: &Region) -> f64 {
         let bounds = self.bounds(region.view);
-        let rows: BTreeSet<usize> =
-            region.runs.iter().map(|run| run.0).filter(|row| row % ROW_STEP == 0).collect();
+        let rows = self.tested_rows(&[region]);
         let (mut lost, mut total) = (0.0, 0.0);
         for y in rows {
             let (before, after) = self.sections(&bounds, region, y);
@@ -117,6 +113,14 @@ impl Evidence<'_> {
             }
         }
         if total > 0.0 { lost / total } else { 1.0 }
+    }
+
+    /// As many rows of large drawings as of small ones: each costs a section
+    /// through all views.
+    fn tested_rows(&self, regions: &[&Region]) -> BTreeSet<usize> {
+        let step = (ROW_STEP * stroke_scale(self.sheet.height)).round() as usize;
+        let rows = regions.iter().flat_map(|region| region.runs.iter().map(|run| run.0));
+        rows.filter(|row| row % step == 0).collect()
     }
 
     /// One view a direction, `first` before all.

@@ -2,7 +2,7 @@
 
 use image::GrayImage;
 
-use super::super::super::raster::{stroke_scale, two_passes};
+use super::super::super::raster::{runs, stroke_scale, two_passes};
 use super::super::sheet::SolidSheet;
 
 /// Smaller regions are eyes and buttons, share of the image's pixels.
@@ -66,18 +66,17 @@ fn paper_runs(mask: &GrayImage, near_ink: &[bool]) -> Vec<Run> {
     let width = (mask.width() as usize).max(1);
     let rows = mask.as_raw().chunks_exact(width).zip(near_ink.chunks_exact(width));
     let of_row = |(y, (mask, near_ink)): (usize, (&[u8], &[bool]))| {
-        let mut runs = Vec::new();
-        let mut next = mask.iter().position(|&level| level != 0).unwrap_or(width);
-        let end = mask.iter().rposition(|&level| level != 0).map_or(next, |last| last + 1);
-        while next < end {
-            let is_paper = |x: &usize| mask[*x] != 0 && !near_ink[*x];
-            let from = (next..end).find(is_paper).unwrap_or(end);
-            next = (from..end).find(|x| !is_paper(x)).unwrap_or(end);
-            if from < next {
-                runs.push((y, from, next));
+        let mut paper = Vec::new();
+        for (mut next, end) in runs(mask) {
+            while next < end {
+                let from = next + near_ink[next..end].iter().take_while(|near| **near).count();
+                next = from + near_ink[from..end].iter().take_while(|near| !**near).count();
+                if from < next {
+                    paper.push((y, from, next));
+                }
             }
         }
-        runs
+        paper
     };
     rows.enumerate().flat_map(of_row).collect()
 }
@@ -132,16 +131,26 @@ fn relax(row: &mut [f32], above: &[f32]) {
         return;
     };
     let last = row.iter().rposition(|&depth| depth != 0.0).unwrap_or(first);
+    lower(&mut row[first..=last], &above[first..], 1.0);
+    let beside = first.max(1);
+    lower(&mut row[beside..=last], &above[beside - 1..], diagonal);
+    lower(&mut row[first..=last], &above[first + 1..], diagonal);
+    if first == 0 {
+        row[0] = row[0].min(diagonal);
+    }
+    if last + 1 == row.len() {
+        row[last] = row[last].min(diagonal);
+    }
     let mut left = 0.0;
-    for x in first..=last {
-        if row[x] != 0.0 {
-            let beside = |index: Option<usize>| {
-                index.and_then(|index| above.get(index)).copied().unwrap_or(0.0)
-            };
-            let slanted = beside(x.checked_sub(1)).min(beside(Some(x + 1))) + diagonal;
-            row[x] = row[x].min(left + 1.0).min(above[x] + 1.0).min(slanted);
-        }
-        left = row[x];
+    for depth in &mut row[first..=last] {
+        left = depth.min(left + 1.0);
+        *depth = left;
+    }
+}
+
+fn lower(row: &mut [f32], above: &[f32], step: f32) {
+    for (depth, above) in row.iter_mut().zip(above) {
+        *depth = depth.min(above + step);
     }
 }
 
