@@ -13,6 +13,7 @@ use super::hull::{GrownRows, HullDepth, hull_depth};
 use super::lines::{LineDepths, LineView, angle_between, line_depths};
 use super::owners::{outline_owners, owners};
 use super::points::{PointCloud, Refinement};
+use super::steps::find_steps;
 use super::triples::Bounds;
 pub use crate::options::DepthOptions;
 use crate::sheet::Azimuth;
@@ -297,8 +298,9 @@ type Nodes = (Vec<f32>, Vec<Confidence>);
 impl Surface<'_> {
     fn of_lines(&self, cloud: &PointCloud, azimuth_rad: f64) -> Nodes {
         let contours = &self.drawing.contours;
-        let graph = PixelGraph::new(self.silhouette.mask(), contours);
+        let mut graph = PixelGraph::new(self.silhouette.mask(), contours);
         let owners = owners(&graph, contours, self.lines, self.subject.unit_px);
+        find_steps(&mut graph, contours, self.lines, &owners, self.subject.unit_px);
         let points = cloud.seen_from(azimuth_rad);
         self.filled(&graph, self.lines, &owners, points)
     }
