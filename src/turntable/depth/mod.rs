@@ -14,6 +14,7 @@ mod normals;
 mod owners;
 mod points;
 mod release;
+mod sight;
 mod steps;
 mod triples;
 

@@ -4,10 +4,17 @@ use super::contours::{Contours, Crossing};
 use super::estimate::Confidence;
 use super::fill::Hint;
 use super::graph::{NONE, Owner, PixelGraph};
-use super::lines::{LineDepths, LineView};
+use super::lines::{LineDepths, LineView, angle_between};
+use super::sight::Sight;
 
 const POINT_WEIGHT: f32 = 0.5;
+/// The weight of the hull where the surface presses against it, and where it
+/// has come off it by less than a pixel: a bound does not hold what leaves it,
+/// but lets go by degrees, so that the next solution does not swing back.
 const HULL_WEIGHT: f32 = 5.0;
+const HULL_PARTING_WEIGHT: f32 = 0.1;
+/// Points farther than this behind the surface must contradict it to count, units.
+const BEHIND: f32 = 15.0;
 /// Steeper surfaces are left to the bulge, depth per column.
 const MAX_KNOWN_SLOPE: f32 = 2.5;
 
@@ -33,6 +40,8 @@ pub struct Point {
     pub depth_px: f32,
     /// Depth per column of the surface here, where it is known.
     pub slope: Option<f32>,
+    /// From this view to the one that drew the point.
+    pub drawn_from_rad: f32,
 }
 
 impl PointCloud {
@@ -75,6 +84,7 @@ impl PointCloud {
                     .smooth
                     .map(|_| (cosine / sine) as f32)
                     .filter(|slope| slope.abs() < MAX_KNOWN_SLOPE),
+                drawn_from_rad: angle_between(azimuth_rad, point.azimuth_rad) as f32,
             })
         };
         let others = self.points.iter().filter(|point| point.azimuth_rad != azimuth_rad);
@@ -110,12 +120,24 @@ fn is_own_line(point: &Point, (contours, lines): (&Contours, &LineDepths), unit_
     })
 }
 
+/// * `behind_px`: how far the surface is behind the hull's near side.
+fn hull_weight(behind_px: f32) -> f32 {
+    if behind_px <= 0.0 {
+        HULL_WEIGHT
+    } else if behind_px < 1.0 {
+        HULL_PARTING_WEIGHT
+    } else {
+        0.0
+    }
+}
+
 /// Turns points and the hull's bound into hints for the next solution.
 pub struct Refinement<'a> {
     graph: &'a PixelGraph,
     near_px: &'a [f32],
-    /// Node, depth and slope of the points that may lie on the view's surface.
-    points: Vec<(u32, f32, Option<f32>)>,
+    /// The points that may lie on the view's surface, and their nodes.
+    points: Vec<(usize, Point)>,
+    sight: Sight<'a>,
     unit_px: f32,
 }
 
@@ -137,12 +159,16 @@ impl<'a> Refinement<'a> {
             let pixel = point.y as usize * graph.width + column as usize;
             let node = if inside { graph.node_of[pixel] } else { NONE };
             let possible = node != NONE && point.depth_px > near_px[node as usize] - 8.0 * unit_px;
-            possible.then_some((node, point.depth_px, point.slope))
+            possible.then_some((node as usize, point))
         };
-        Self { graph, near_px, points: points.into_iter().filter_map(on_graph).collect(), unit_px }
+        let points = points.into_iter().filter_map(on_graph).collect();
+        let sight = Sight::new(graph, own.0, unit_px);
+        Self { graph, near_px, points, sight, unit_px }
     }
 
-    /// Points not behind the surface, and the hull where the surface is before it.
+    /// Points not hidden by the surface, and the hull where the surface is before it.
+    ///
+    /// * `depth_px`: the surface so far, not before the hull.
     pub fn hints(&self, depth_px: &[f32]) -> Vec<Hint> {
         let (nearest, slopes) = self.nearest_points(depth_px);
         let mut hints = vec![Hint::default(); depth_px.len()];
@@ -154,10 +180,9 @@ impl<'a> Refinement<'a> {
                 sum += POINT_WEIGHT * nearest[node];
             }
             let near = self.near_px[node];
-            if depth_px[node] < near + 1.0 {
-                weight += HULL_WEIGHT;
-                sum += HULL_WEIGHT * near;
-            }
+            let hull_weight = hull_weight(depth_px[node] - near);
+            weight += hull_weight;
+            sum += if hull_weight > 0.0 { hull_weight * near } else { 0.0 };
             if weight > 0.0 {
                 (hint.weight, hint.depth_px) = (weight, sum / weight);
             }
@@ -165,18 +190,21 @@ impl<'a> Refinement<'a> {
         hints
     }
 
-    /// Per node depth and slope of the nearest point that is not clearly
-    /// behind the surface; NaN where there is none.
+    /// Per node depth and slope of the nearest point that the surface does not
+    /// hide; NaN where there is none.
     fn nearest_points(&self, depth_px: &[f32]) -> (Vec<f32>, Vec<Option<f32>>) {
-        let behind = 15.0 * self.unit_px;
         let mut nearest = vec![f32::NAN; depth_px.len()];
         let mut slopes = vec![None; depth_px.len()];
-        for &(node, depth, slope) in &self.points {
-            let node = node as usize;
-            let hidden = depth >= nearest[node];
-            if depth < depth_px[node] + behind && !hidden {
-                nearest[node] = depth;
-                slopes[node] = slope;
+        let is_seen = |node: usize, point: &Point| {
+            let depth = point.depth_px;
+            depth < depth_px[node] + BEHIND * self.unit_px
+                || self.sight.contradicts(depth_px, node, depth, point.drawn_from_rad)
+        };
+        for (node, point) in &self.points {
+            let hidden = point.depth_px >= nearest[*node];
+            if !hidden && is_seen(*node, point) {
+                nearest[*node] = point.depth_px;
+                slopes[*node] = point.slope;
             }
         }
         (nearest, slopes)
