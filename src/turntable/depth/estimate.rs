@@ -13,7 +13,7 @@ use super::hull::{GrownRows, HullDepth, hull_depth};
 use super::lines::{LineDepths, LineView, angle_between, line_depths};
 use super::owners::{outline_owners, owners};
 use super::points::{PointCloud, Refinement};
-use super::steps::find_steps;
+use super::steps::steps;
 use super::triples::Bounds;
 pub use crate::options::DepthOptions;
 use crate::sheet::Azimuth;
@@ -299,8 +299,8 @@ impl Surface<'_> {
     fn of_lines(&self, cloud: &PointCloud, azimuth_rad: f64) -> Nodes {
         let contours = &self.drawing.contours;
         let mut graph = PixelGraph::new(self.silhouette.mask(), contours);
-        let owners = owners(&graph, contours, self.lines, self.subject.unit_px);
-        find_steps(&mut graph, contours, self.lines, &owners, self.subject.unit_px);
+        let (owners, blocks) = owners(&graph, contours, self.lines, self.subject.unit_px);
+        graph.steps = steps(&graph, &blocks, self.subject.unit_px);
         let points = cloud.seen_from(azimuth_rad);
         self.filled(&graph, self.lines, &owners, points)
     }

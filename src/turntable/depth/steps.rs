@@ -6,25 +6,14 @@
 //! line is a step.
 
 use super::blocks::Blocks;
-use super::contours::Contours;
-use super::graph::{NONE, Owner, PixelGraph};
-use super::lines::LineDepths;
+use super::graph::{NONE, PixelGraph};
 
 /// Depths that differ by more are not of one surface, units.
 const STEP: f32 = 12.0;
 
-/// Finds the steps of a view and sets them in its graph.
-pub fn find_steps(
-    graph: &mut PixelGraph,
-    contours: &Contours,
-    lines: &LineDepths,
-    owners: &[Option<Owner>],
-    unit_px: f64,
-) {
-    if !graph.horizontal_ink.contains(&true) {
-        return;
-    }
-    let depth = Blocks::new(graph, contours, lines, &[], owners).settled();
+/// The steps of a view, as in [`PixelGraph::steps`].
+pub fn steps(graph: &PixelGraph, blocks: &Blocks, unit_px: f64) -> Vec<bool> {
+    let depth = blocks.settled();
     let at = |x: usize, y: usize| match graph.node_of[y * graph.width + x] {
         NONE => f32::NAN,
         node => depth[node as usize],
@@ -46,7 +35,7 @@ pub fn find_steps(
             y += rows + 1;
         }
     }
-    graph.steps = steps;
+    steps
 }
 
 #[cfg(test)]
@@ -56,6 +45,8 @@ mod tests {
     use super::super::super::ink::InkMap;
     use super::super::super::silhouette::{SilhouetteOptions, Silhouettes};
     use super::super::super::views::{View, ViewSet};
+    use super::super::contours::Contours;
+    use super::super::lines::LineDepths;
     use super::*;
     use crate::sheet::Azimuth;
 
@@ -76,14 +67,15 @@ mod tests {
         let views = ViewSet::new(vec![view(0.0), view(90.0)]).unwrap();
         let silhouettes = Silhouettes::of_views(&views, &SilhouetteOptions::default()).unwrap();
         let contours = Contours::new(&ink, &silhouettes.silhouettes[0]);
-        let mut graph = PixelGraph::new(silhouettes.silhouettes[0].mask(), &contours);
+        let graph = PixelGraph::new(silhouettes.silhouettes[0].mask(), &contours);
         let mut lines = LineDepths::unknown(contours.crossings.len());
         for (crossing, depth) in contours.crossings.iter().zip(&mut lines.depth_px) {
             *depth = if crossing.y < 30 { upper_px } else { lower_px };
         }
         let owners = vec![None; contours.crossings.len()];
-        find_steps(&mut graph, &contours, &lines, &owners, 1.0);
-        (0..60).filter(|y| graph.steps[y * 120 + 60]).collect()
+        let blocks = Blocks::new(&graph, &contours, &lines, &[], &owners);
+        let steps = steps(&graph, &blocks, 1.0);
+        (0..60).filter(|y| steps[y * 120 + 60]).collect()
     }
 
     #[test]
