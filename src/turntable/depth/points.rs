@@ -1,5 +1,6 @@
 //! What the lines of other views say about a view's surface.
 
+use super::adoption::{crossing_at, predict};
 use super::contours::{Contours, Crossing};
 use super::estimate::Confidence;
 use super::fill::Hint;
@@ -17,6 +18,9 @@ const HULL_PARTING_WEIGHT: f32 = 0.1;
 const BEHIND: f32 = 15.0;
 /// Steeper surfaces are left to the bulge, depth per column.
 const MAX_KNOWN_SLOPE: f32 = 2.5;
+
+/// The share of a contour's radius that a neighbouring view finds at least.
+const ROUND_SHARE: f64 = 0.5;
 
 /// Points of lines on the surface, each seen by the view it was drawn in.
 pub struct PointCloud {
@@ -48,6 +52,7 @@ impl PointCloud {
     pub fn new(views: &[LineView<'_>], lines: &[LineDepths]) -> Self {
         const MAX_SLOPE: f64 = 4.0;
         const MAX_RUN_PX: u32 = 14;
+        let all = lines;
         let of_view = |(view, lines): (&LineView<'_>, &LineDepths)| {
             let azimuth_rad = view.azimuth_rad;
             let usable = |(index, crossing): (usize, &Crossing)| {
@@ -58,7 +63,8 @@ impl PointCloud {
                     y: crossing.y,
                     x_px: crossing.x_px,
                     depth_px,
-                    smooth: smooth_side(crossing, lines, index, view.bounds.unit_px),
+                    smooth: smooth_side(crossing, lines, index, view.bounds.unit_px)
+                        .filter(|_| is_confirmed(views, all, view, (crossing, lines, index))),
                 })
             };
             view.contours.crossings.iter().enumerate().filter_map(usable).collect::<Vec<_>>()
@@ -107,6 +113,27 @@ fn smooth_side(
         Owner::Right => !crossing.outside_right,
     };
     (sure && fits).then_some(owner)
+}
+
+/// Whether a neighbouring view finds the contour round too, or has no line
+/// where its curvature takes it: what is round in one view only is lines taken
+/// for one another.
+fn is_confirmed(
+    views: &[LineView<'_>],
+    lines: &[LineDepths],
+    view: &LineView<'_>,
+    (crossing, own, index): (&Crossing, &LineDepths, usize),
+) -> bool {
+    let rho_px = own.rho_px[index];
+    [view.before, view.after].into_iter().flatten().any(|other| {
+        let angle = angle_between(view.azimuth_rad, views[other].azimuth_rad);
+        let (column, _) = predict(own, index, crossing.x_px, angle);
+        let found = crossing_at(views[other].contours, crossing.y, column);
+        let as_round = |at: usize| {
+            lines[other].rho_is_tracked[at] && lines[other].rho_px[at] / rho_px > ROUND_SHARE
+        };
+        found.is_none_or(as_round)
+    })
 }
 
 /// Whether a point is of a line that the view draws itself: beside the line,
@@ -256,5 +283,67 @@ impl<'a> Refinement<'a> {
                 }
             })
             .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::triples::Bounds;
+    use super::*;
+
+    /// One line in one row, at the column where the contour of a cylinder on
+    /// the axis is, or elsewhere.
+    fn contours(x_px: f64) -> Contours {
+        let crossing = Crossing {
+            y: 0,
+            start: 0,
+            end: 2,
+            x_px,
+            slope: 0.0,
+            outside_left: false,
+            outside_right: true,
+        };
+        Contours {
+            crossings: vec![crossing],
+            row_starts: vec![0, 1],
+            chains: Vec::new(),
+            chain_of: vec![None],
+        }
+    }
+
+    /// Whether a contour of radius 50 is confirmed by a view 5 degrees on with
+    /// a line at `x_px` of radius `rho_px`, tracked or not.
+    fn confirmed_by(x_px: f64, rho_px: f64, tracked: bool) -> bool {
+        let contours = [contours(50.0), contours(x_px)];
+        let line = |rho_px, tracked| LineDepths {
+            depth_px: vec![0.0],
+            rho_px: vec![rho_px],
+            rho_sigma_px: vec![3.0],
+            rho_is_tracked: vec![tracked],
+        };
+        let lines = [line(50.0, true), line(rho_px, tracked)];
+        let view = |index: usize| LineView {
+            azimuth_rad: 5.0_f64.to_radians() * index as f64,
+            contours: &contours[index],
+            bounds: Bounds { radius_px: 50.0, unit_px: 1.0, hull_px: &[] },
+            before: None,
+            after: (index == 0).then_some(1),
+        };
+        let views = [view(0), view(1)];
+        is_confirmed(&views, &lines, &views[0], (&contours[0].crossings[0], &lines[0], 0))
+    }
+
+    #[test]
+    fn a_contour_that_is_round_in_one_view_only_is_not_believed() {
+        assert!(confirmed_by(50.0, 48.0, true));
+        assert!(!confirmed_by(50.0, 5.0, true) && !confirmed_by(50.0, 48.0, false));
+        // Hidden in the other view: nothing tells against it.
+        assert!(confirmed_by(20.0, 5.0, true));
+    }
+
+    #[test]
+    fn the_hull_holds_what_presses_against_it_and_lets_go_of_what_leaves() {
+        assert_eq!([-3.0, 0.0].map(hull_weight), [HULL_WEIGHT; 2]);
+        assert!(hull_weight(0.5) < 0.1 * HULL_WEIGHT && hull_weight(2.0) == 0.0);
     }
 }
