@@ -123,8 +123,9 @@ fn registered(views: ViewSet, options: &Options) -> Result<Registered, Silhouett
     let found = registration::register(&views, &alone);
     match registration::corrected(&views, &found).filter(|_| options.register) {
         Some(views) => {
-            let silhouettes = Silhouettes::of_views(&views, &options.silhouette)?;
-            Ok((views, silhouettes, found))
+            let moved = |index: usize| found[index].corrects();
+            let silhouettes = alone.with_changed(&views, moved, &options.silhouette)?;
+            Ok((views, silhouettes.joined(&options.silhouette), found))
         }
         None => Ok((views, alone.joined(&options.silhouette), found)),
     }

@@ -23,8 +23,8 @@ const REACH_DEG: f64 = 20.5;
 
 /// A line of another view as it appears in this one.
 #[derive(Clone, Copy)]
-struct Prediction {
-    depth_px: f64,
+pub struct Prediction {
+    pub depth_px: f64,
     rho_px: f64,
     rho_sigma_px: f64,
     rho_is_tracked: bool,
@@ -101,7 +101,7 @@ fn within_reach(views: &[LineView<'_>], index: usize) -> Vec<usize> {
 
 /// Column and depth of a line in the view `angle` further on: the envelope of
 /// its horizontal section's tangents.
-fn predict(lines: &LineDepths, from: usize, x_px: f64, angle: f64) -> (f64, Prediction) {
+pub fn predict(lines: &LineDepths, from: usize, x_px: f64, angle: f64) -> (f64, Prediction) {
     let (sine, cosine) = angle.sin_cos();
     let (depth, rho) = (lines.depth_px[from], lines.rho_px[from]);
     let bend = if rho.is_nan() { 0.0 } else { rho };
@@ -114,7 +114,7 @@ fn predict(lines: &LineDepths, from: usize, x_px: f64, angle: f64) -> (f64, Pred
     (x_px * cosine + depth * sine + bend * (1.0 - cosine), predicted)
 }
 
-fn crossing_at(contours: &Contours, y: u32, column: f64) -> Option<usize> {
+pub fn crossing_at(contours: &Contours, y: u32, column: f64) -> Option<usize> {
     let miss = |index: usize| {
         let crossing = &contours.crossings[index];
         (crossing.x_px - column).abs() / (MISS_PX + MISS_PER_SLOPE_PX * crossing.slope.abs())

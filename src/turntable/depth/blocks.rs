@@ -119,6 +119,13 @@ impl Blocks {
         }
     }
 
+    /// The depth that the lines give each node, NaN where none tells: nothing
+    /// is joined across lines along the rows.
+    pub fn settled(&self) -> Vec<f32> {
+        let depth = self.solve(usize::MAX, Window { low: (0, 0), high: (u32::MAX, u32::MAX) });
+        self.cell_of_node.iter().map(|&cell| depth[cell as usize]).collect()
+    }
+
     /// Solves the neighbourhood of a piece with its line taken out.
     pub fn predict(
         &self,

@@ -13,6 +13,7 @@ use super::hull::{HullDepth, Hulls};
 use super::lines::{LineDepths, LineView, angle_between, line_depths};
 use super::owners::owners;
 use super::points::{PointCloud, Refinement};
+use super::steps::steps;
 use super::triples::Bounds;
 pub use crate::options::DepthOptions;
 use crate::sheet::Azimuth;
@@ -313,8 +314,9 @@ struct Surface<'a> {
 impl Surface<'_> {
     fn of_lines(&self, cloud: &PointCloud, azimuth_rad: f64) -> DepthMap {
         let contours = &self.drawing.contours;
-        let graph = PixelGraph::new(self.silhouette.mask(), contours);
-        let owners = owners(&graph, contours, self.lines, self.subject.unit_px);
+        let mut graph = PixelGraph::new(self.silhouette.mask(), contours);
+        let (owners, blocks) = owners(&graph, contours, self.lines, self.subject.unit_px);
+        graph.steps = steps(&graph, &blocks, self.subject.unit_px);
         let (depth, confidence) = self.filled(&graph, &owners, cloud.seen_from(azimuth_rad));
         self.on_pixels(depth, confidence)
     }

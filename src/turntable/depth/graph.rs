@@ -38,6 +38,8 @@ pub struct PixelGraph {
     pub positions: Vec<(u32, u32)>,
     /// Per pixel: in a wide run of ink.
     pub horizontal_ink: Vec<bool>,
+    /// Per pixel: what is below it is another surface, beyond a line along the row.
+    pub steps: Vec<bool>,
 }
 
 /// Cut links: per pixel a label of the cut to its right and below, 0 for none.
@@ -71,7 +73,8 @@ impl PixelGraph {
                 horizontal_ink[y * width + x] = inner && inside(x, Some(y + STROKE_REACH_PX));
             }
         }
-        Self { width, height, node_of, positions, horizontal_ink }
+        let steps = vec![false; width * height];
+        Self { width, height, node_of, positions, horizontal_ink, steps }
     }
 
     pub fn nodes(&self) -> usize {
@@ -114,6 +117,7 @@ impl PixelGraph {
             let inked = below != NONE
                 && (self.horizontal_ink[pixel] || self.horizontal_ink[pixel + self.width]);
             let weight = if inked { vertical * across_ink } else { vertical };
+            let weight = if self.steps[pixel] { 0.0 } else { weight };
             let link = |b: u32, weight: f32| Link { a: node as u32, b, weight };
             let run_ends =
                 right != NONE && self.horizontal_ink[pixel] != self.horizontal_ink[pixel + 1];

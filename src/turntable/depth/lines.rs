@@ -14,6 +14,9 @@ const TRACK_REACH_DEG: f64 = 20.5;
 const MAX_TRACK_RESIDUAL_PX: f64 = 0.8;
 /// Standard deviation of a smoothed crossing's column, px.
 const TRACK_SIGMA_PX: f64 = 0.15;
+/// How many times its own scatter a track may be off: its views are few, and
+/// what makes them scatter is rarely noise.
+const TRACK_DOUBT: f64 = 3.0;
 
 /// A view's lines and its neighbours.
 pub struct LineView<'a> {
@@ -230,7 +233,7 @@ impl LineDepths {
 }
 
 /// A line fitted to the columns at which several views cross it.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 struct Track {
     depth_px: f64,
     rho_px: f64,
@@ -369,10 +372,13 @@ fn fit(samples: &[(f64, f64)], sides: (usize, usize)) -> Option<Track> {
     let solution = covariance * right;
     let squares: f64 =
         samples.iter().map(|&(angle, column)| (row(angle).dot(&solution) - column).powi(2)).sum();
+    let spare = samples.len() as f64 - 3.0;
+    let scatter_px = if spare > 0.0 { (squares / spare).sqrt() } else { 0.0 };
+    let sigma_px = TRACK_SIGMA_PX.max(TRACK_DOUBT * scatter_px);
     Some(Track {
         depth_px: solution[2],
         rho_px: solution[0],
-        rho_sigma_px: TRACK_SIGMA_PX * covariance[(0, 0)].max(0.0).sqrt() + 3.0,
+        rho_sigma_px: sigma_px * covariance[(0, 0)].max(0.0).sqrt() + 3.0,
         residual_px: (squares / samples.len() as f64).sqrt(),
         views: samples.len(),
         sides,
@@ -391,6 +397,20 @@ mod tests {
         let track = fit(&samples, (1, 2)).unwrap();
         assert!((track.depth_px - d).abs() < 1e-6 && (track.rho_px - rho).abs() < 1e-4);
         assert!(track.residual_px < 1e-9 && track.rho_sigma_px > 3.0);
+    }
+
+    #[test]
+    fn the_two_edges_of_a_thin_side_are_not_one_round_one() {
+        // A side 30 px wide is seen edgewise at 0: before, one of its edges is
+        // the outline, after it the other.
+        let (x, near, far) = (150.0, 30.0, 60.0);
+        let outline = |t: f64| x * t.cos() + t.sin() * if t < 0.0 { near } else { far };
+        let samples = [-20, -15, -10, -5, 0, 5, 10, 15, 20]
+            .map(|degrees: i32| f64::from(degrees).to_radians())
+            .map(|t| (t, outline(t)));
+        let track = fit(&samples, (4, 4)).unwrap();
+        assert!(track.residual_px < MAX_TRACK_RESIDUAL_PX && track.rho_px > 30.0, "{track:?}");
+        assert!(track.rho_px < 3.0 * track.rho_sigma_px, "{track:?}");
     }
 
     #[test]

@@ -15,6 +15,8 @@ mod of_solid;
 mod owners;
 mod points;
 mod release;
+mod sight;
+mod steps;
 mod triples;
 
 pub use estimate::{

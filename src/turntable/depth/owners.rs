@@ -4,19 +4,21 @@
 //! The rest is released ([`super::release`]). What stays undecided is a crease
 //! with surface on both sides.
 
+use super::blocks::Blocks;
 use super::contours::{Contours, Crossing};
 use super::filters::median;
 use super::graph::{Cuts, HORIZONTAL_RUN_PX, Owner, PixelGraph};
 use super::lines::LineDepths;
 use super::release::release;
 
-/// The owner of every crossing's line, `None` for creases.
+/// The owner of every crossing's line, `None` for creases, and the silhouette
+/// cut accordingly.
 pub fn owners(
     graph: &PixelGraph,
     contours: &Contours,
     lines: &LineDepths,
     unit_px: f64,
-) -> Vec<Option<Owner>> {
+) -> (Vec<Option<Owner>>, Blocks) {
     let mut owners = outline_owners(contours);
     let mut undecided = Vec::new();
     for chain in contours.chains.iter().filter(|chain| chain.len() >= 3) {
@@ -30,8 +32,8 @@ pub fn owners(
             None => undecided.push(inner),
         }
     }
-    release(graph, contours, lines, unit_px, undecided, &mut owners);
-    owners
+    let blocks = release(graph, contours, lines, unit_px, undecided, &mut owners);
+    (owners, blocks)
 }
 
 /// The owners of the outline's crossings, `None` inside.

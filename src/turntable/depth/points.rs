@@ -1,15 +1,26 @@
 //! What the lines of other views say about a view's surface.
 
+use super::adoption::{crossing_at, predict};
 use super::contours::{Contours, Crossing};
 use super::estimate::Confidence;
 use super::fill::Hint;
 use super::graph::{NONE, Owner, PixelGraph};
-use super::lines::{LineDepths, LineView};
+use super::lines::{LineDepths, LineView, angle_between};
+use super::sight::Sight;
 
 const POINT_WEIGHT: f32 = 0.5;
+/// The weight of the hull where the surface presses against it, and where it
+/// has come off it by less than a pixel: a bound does not hold what leaves it,
+/// but lets go by degrees, so that the next solution does not swing back.
 const HULL_WEIGHT: f32 = 5.0;
+const HULL_PARTING_WEIGHT: f32 = 0.1;
+/// Points farther than this behind the surface must contradict it to count, units.
+const BEHIND: f32 = 15.0;
 /// Steeper surfaces are left to the bulge, depth per column.
 const MAX_KNOWN_SLOPE: f32 = 2.5;
+
+/// The share of a contour's radius that a neighbouring view finds at least.
+const ROUND_SHARE: f64 = 0.5;
 
 /// Points of lines on the surface, each seen by the view it was drawn in.
 pub struct PointCloud {
@@ -33,12 +44,15 @@ pub struct Point {
     pub depth_px: f32,
     /// Depth per column of the surface here, where it is known.
     pub slope: Option<f32>,
+    /// From this view to the one that drew the point.
+    pub drawn_from_rad: f32,
 }
 
 impl PointCloud {
     pub fn new(views: &[LineView<'_>], lines: &[LineDepths]) -> Self {
         const MAX_SLOPE: f64 = 4.0;
         const MAX_RUN_PX: u32 = 14;
+        let all = lines;
         let of_view = |(view, lines): (&LineView<'_>, &LineDepths)| {
             let azimuth_rad = view.azimuth_rad;
             let usable = |(index, crossing): (usize, &Crossing)| {
@@ -49,7 +63,8 @@ impl PointCloud {
                     y: crossing.y,
                     x_px: crossing.x_px,
                     depth_px,
-                    smooth: smooth_side(crossing, lines, index, view.bounds.unit_px),
+                    smooth: smooth_side(crossing, lines, index, view.bounds.unit_px)
+                        .filter(|_| is_confirmed(views, all, view, (crossing, lines, index))),
                 })
             };
             view.contours.crossings.iter().enumerate().filter_map(usable).collect::<Vec<_>>()
@@ -75,6 +90,7 @@ impl PointCloud {
                     .smooth
                     .map(|_| (cosine / sine) as f32)
                     .filter(|slope| slope.abs() < MAX_KNOWN_SLOPE),
+                drawn_from_rad: angle_between(azimuth_rad, point.azimuth_rad) as f32,
             })
         };
         let others = self.points.iter().filter(|point| point.azimuth_rad != azimuth_rad);
@@ -99,6 +115,27 @@ fn smooth_side(
     (sure && fits).then_some(owner)
 }
 
+/// Whether a neighbouring view finds the contour round too, or has no line
+/// where its curvature takes it: what is round in one view only is lines taken
+/// for one another.
+fn is_confirmed(
+    views: &[LineView<'_>],
+    lines: &[LineDepths],
+    view: &LineView<'_>,
+    (crossing, own, index): (&Crossing, &LineDepths, usize),
+) -> bool {
+    let rho_px = own.rho_px[index];
+    [view.before, view.after].into_iter().flatten().any(|other| {
+        let angle = angle_between(view.azimuth_rad, views[other].azimuth_rad);
+        let (column, _) = predict(own, index, crossing.x_px, angle);
+        let found = crossing_at(views[other].contours, crossing.y, column);
+        let as_round = |at: usize| {
+            lines[other].rho_is_tracked[at] && lines[other].rho_px[at] / rho_px > ROUND_SHARE
+        };
+        found.is_none_or(as_round)
+    })
+}
+
 /// Whether a point is of a line that the view draws itself: beside the line,
 /// it may have come to lie on the wrong side of the cut along it.
 fn is_own_line(point: &Point, (contours, lines): (&Contours, &LineDepths), unit_px: f32) -> bool {
@@ -110,12 +147,24 @@ fn is_own_line(point: &Point, (contours, lines): (&Contours, &LineDepths), unit_
     })
 }
 
+/// * `behind_px`: how far the surface is behind the hull's near side.
+fn hull_weight(behind_px: f32) -> f32 {
+    if behind_px <= 0.0 {
+        HULL_WEIGHT
+    } else if behind_px < 1.0 {
+        HULL_PARTING_WEIGHT
+    } else {
+        0.0
+    }
+}
+
 /// Turns points and the hull's bound into hints for the next solution.
 pub struct Refinement<'a> {
     graph: &'a PixelGraph,
     near_px: &'a [f32],
-    /// Node, depth and slope of the points that may lie on the view's surface.
-    points: Vec<(u32, f32, Option<f32>)>,
+    /// The points that may lie on the view's surface, and their nodes.
+    points: Vec<(usize, Point)>,
+    sight: Sight<'a>,
     unit_px: f32,
 }
 
@@ -137,12 +186,16 @@ impl<'a> Refinement<'a> {
             let pixel = point.y as usize * graph.width + column as usize;
             let node = if inside { graph.node_of[pixel] } else { NONE };
             let possible = node != NONE && point.depth_px > near_px[node as usize] - 8.0 * unit_px;
-            possible.then_some((node, point.depth_px, point.slope))
+            possible.then_some((node as usize, point))
         };
-        Self { graph, near_px, points: points.into_iter().filter_map(on_graph).collect(), unit_px }
+        let points = points.into_iter().filter_map(on_graph).collect();
+        let sight = Sight::new(graph, own.0, unit_px);
+        Self { graph, near_px, points, sight, unit_px }
     }
 
-    /// Points not behind the surface, and the hull where the surface is before it.
+    /// Points not hidden by the surface, and the hull where the surface is before it.
+    ///
+    /// * `depth_px`: the surface so far, not before the hull.
     pub fn hints(&self, depth_px: &[f32]) -> Vec<Hint> {
         let (nearest, slopes) = self.nearest_points(depth_px);
         let mut hints = vec![Hint::default(); depth_px.len()];
@@ -154,10 +207,9 @@ impl<'a> Refinement<'a> {
                 sum += POINT_WEIGHT * nearest[node];
             }
             let near = self.near_px[node];
-            if depth_px[node] < near + 1.0 {
-                weight += HULL_WEIGHT;
-                sum += HULL_WEIGHT * near;
-            }
+            let hull_weight = hull_weight(depth_px[node] - near);
+            weight += hull_weight;
+            sum += if hull_weight > 0.0 { hull_weight * near } else { 0.0 };
             if weight > 0.0 {
                 (hint.weight, hint.depth_px) = (weight, sum / weight);
             }
@@ -165,18 +217,21 @@ impl<'a> Refinement<'a> {
         hints
     }
 
-    /// Per node depth and slope of the nearest point that is not clearly
-    /// behind the surface; NaN where there is none.
+    /// Per node depth and slope of the nearest point that the surface does not
+    /// hide; NaN where there is none.
     fn nearest_points(&self, depth_px: &[f32]) -> (Vec<f32>, Vec<Option<f32>>) {
-        let behind = 15.0 * self.unit_px;
         let mut nearest = vec![f32::NAN; depth_px.len()];
         let mut slopes = vec![None; depth_px.len()];
-        for &(node, depth, slope) in &self.points {
-            let node = node as usize;
-            let hidden = depth >= nearest[node];
-            if depth < depth_px[node] + behind && !hidden {
-                nearest[node] = depth;
-                slopes[node] = slope;
+        let is_seen = |node: usize, point: &Point| {
+            let depth = point.depth_px;
+            depth < depth_px[node] + BEHIND * self.unit_px
+                || self.sight.contradicts(depth_px, node, depth, point.drawn_from_rad)
+        };
+        for (node, point) in &self.points {
+            let hidden = point.depth_px >= nearest[*node];
+            if !hidden && is_seen(*node, point) {
+                nearest[*node] = point.depth_px;
+                slopes[*node] = point.slope;
             }
         }
         (nearest, slopes)
@@ -228,5 +283,67 @@ impl<'a> Refinement<'a> {
                 }
             })
             .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::triples::Bounds;
+    use super::*;
+
+    /// One line in one row, at the column where the contour of a cylinder on
+    /// the axis is, or elsewhere.
+    fn contours(x_px: f64) -> Contours {
+        let crossing = Crossing {
+            y: 0,
+            start: 0,
+            end: 2,
+            x_px,
+            slope: 0.0,
+            outside_left: false,
+            outside_right: true,
+        };
+        Contours {
+            crossings: vec![crossing],
+            row_starts: vec![0, 1],
+            chains: Vec::new(),
+            chain_of: vec![None],
+        }
+    }
+
+    /// Whether a contour of radius 50 is confirmed by a view 5 degrees on with
+    /// a line at `x_px` of radius `rho_px`, tracked or not.
+    fn confirmed_by(x_px: f64, rho_px: f64, tracked: bool) -> bool {
+        let contours = [contours(50.0), contours(x_px)];
+        let line = |rho_px, tracked| LineDepths {
+            depth_px: vec![0.0],
+            rho_px: vec![rho_px],
+            rho_sigma_px: vec![3.0],
+            rho_is_tracked: vec![tracked],
+        };
+        let lines = [line(50.0, true), line(rho_px, tracked)];
+        let view = |index: usize| LineView {
+            azimuth_rad: 5.0_f64.to_radians() * index as f64,
+            contours: &contours[index],
+            bounds: Bounds { radius_px: 50.0, unit_px: 1.0, hull_px: &[] },
+            before: None,
+            after: (index == 0).then_some(1),
+        };
+        let views = [view(0), view(1)];
+        is_confirmed(&views, &lines, &views[0], (&contours[0].crossings[0], &lines[0], 0))
+    }
+
+    #[test]
+    fn a_contour_that_is_round_in_one_view_only_is_not_believed() {
+        assert!(confirmed_by(50.0, 48.0, true));
+        assert!(!confirmed_by(50.0, 5.0, true) && !confirmed_by(50.0, 48.0, false));
+        // Hidden in the other view: nothing tells against it.
+        assert!(confirmed_by(20.0, 5.0, true));
+    }
+
+    #[test]
+    fn the_hull_holds_what_presses_against_it_and_lets_go_of_what_leaves() {
+        assert_eq!([-3.0, 0.0].map(hull_weight), [HULL_WEIGHT; 2]);
+        assert!(hull_weight(0.5) < 0.1 * HULL_WEIGHT && hull_weight(2.0) == 0.0);
     }
 }

@@ -59,7 +59,7 @@ impl Prediction {
 }
 
 /// Decides the owners of `undecided` stretches of chains where their release
-/// is clear, the clearest first.
+/// is clear, the clearest first. Returns the blocks it was decided on.
 pub fn release(
     graph: &PixelGraph,
     contours: &Contours,
@@ -67,12 +67,12 @@ pub fn release(
     unit_px: f64,
     undecided: Vec<Vec<u32>>,
     owners: &mut [Option<Owner>],
-) {
+) -> Blocks {
     let mut pieces = pieces(contours, undecided);
     let mut known: Vec<Option<Prediction>> = pieces.iter().map(|_| None).collect();
     let mut stale = vec![true; pieces.len()];
+    let mut blocks = Blocks::new(graph, contours, lines, &pieces, owners);
     for _ in 0..MAX_ROUNDS {
-        let blocks = Blocks::new(graph, contours, lines, &pieces, owners);
         for (number, piece) in pieces.iter().enumerate().filter(|(number, _)| stale[*number]) {
             known[number] = blocks.predict(number, piece, contours, lines, graph);
         }
@@ -87,7 +87,7 @@ pub fn release(
             .map(|(number, found)| (number, found.owner()))
             .collect();
         if decided.is_empty() {
-            return;
+            break;
         }
         let windows: Vec<Window> =
             decided.iter().map(|&(number, _)| Window::around(&pieces[number], contours)).collect();
@@ -106,7 +106,9 @@ pub fn release(
         retain(&mut stale, &keep);
         retain(&mut known, &keep);
         retain(&mut pieces, &keep);
+        blocks = Blocks::new(graph, contours, lines, &pieces, owners);
     }
+    blocks
 }
 
 fn retain<T>(values: &mut Vec<T>, keep: &[bool]) {

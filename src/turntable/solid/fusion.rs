@@ -21,7 +21,8 @@ pub fn reach_px(lattice: &Lattice) -> f64 {
 /// By how much the depth maps change the signed distances of `prior` inside
 /// `hull`, px, in the hull's window; smoothed within the slice.
 ///
-/// Truncated signed distances are averaged, the silhouettes' own among them.
+/// Signed distances, cut off at [`reach_px`], are averaged, the silhouettes' own
+/// among them.
 ///
 /// # Source
 /// Curless & Levoy 1996, A volumetric method for building complex models from
@@ -43,7 +44,7 @@ pub fn corrections(
         }
         let (i, j) = hull.node(index);
         let point = Point2::new(lattice.x(i), lattice.y(j));
-        let prior = f64::from(prior.at(i, j, -limit as f32));
+        let prior = f64::from(prior.at(i, j, -limit as f32)).clamp(-reach_px, reach_px);
         let (mut sum, mut weights) = (prior * PRIOR_WEIGHT, PRIOR_WEIGHT);
         for (distance, weight) in views.iter().filter_map(|view| view.vote(&point, row, reach_px)) {
             sum += distance * weight;
@@ -86,13 +87,14 @@ pub fn correct(
     [below, here, above]: [&Plane; 3],
     lattice: &Lattice,
 ) {
-    let limit = lattice.truncation_px() as f32;
+    let (limit, reach_px) = (lattice.truncation_px() as f32, reach_px(lattice) as f32);
     let mut corrected = Plane { creases: std::mem::take(&mut plane.creases), ..hull.clone() };
     for (index, value) in corrected.values.iter_mut().enumerate().filter(|(_, v)| **v > 0.0) {
         let (i, j) = hull.node(index);
         let own = here.values[index];
         let change = binomial(below.at(i, j, own), own, above.at(i, j, own));
-        *value = (plane.at(i, j, -limit) + change).min(*value).clamp(-limit, limit);
+        let prior = plane.at(i, j, -limit).clamp(-reach_px, reach_px);
+        *value = (prior + change).min(*value).clamp(-limit, limit);
     }
     *plane = corrected;
 }
