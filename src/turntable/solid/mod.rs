@@ -191,10 +191,14 @@ fn prepared_sheet(
     }
     if options.symmetry != Switch::Off && options.kind == SolidKind::Creased {
         let forced = options.symmetry == Switch::On;
-        report.mirror_plane =
+        let plane =
             seen.or_else(|| forced.then(|| symmetry::detect(&sheet.drawings(), true)).flatten());
-        if let Some(plane) = &report.mirror_plane {
-            sheet.add_mirrored(plane);
+        let images = plane.map(|plane| sheet.mirrored(&plane)).unwrap_or_default();
+        let (drawn, mirrored) = (sheet.directions(), sheet::directions_of(&images));
+        let share = symmetry::uncovered_share(&drawn, &mirrored);
+        if forced || share <= symmetry::MAX_UNCOVERED {
+            report.mirror_plane = plane;
+            sheet.views.extend(images);
         }
     }
     sheet

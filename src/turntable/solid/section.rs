@@ -6,7 +6,7 @@ use std::f64::consts::{PI, TAU};
 
 use nalgebra::{Point2, Vector2};
 
-use super::outline::Outline;
+use super::outline::{Outline, union};
 
 /// Which silhouette interval's end an edge lies on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -199,6 +199,11 @@ pub fn sections_of_row<O: Borrow<Outline>>(
         .map(|section| section.without_short_edges(1e-6))
         .filter(|section| section.area_px2() >= MIN_AREA_PX2)
         .collect()
+}
+
+/// What all sections cover along `axis`.
+pub fn covered(sections: &[Section], axis: &Vector2<f64>) -> Vec<(f64, f64)> {
+    union(sections.iter().map(|section| section.extent_along(axis)).collect())
 }
 
 #[cfg(test)]

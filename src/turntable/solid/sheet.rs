@@ -90,24 +90,26 @@ impl SolidSheet {
         &self.near_ink[drawing]
     }
 
-    /// Adds every view's mirror image at azimuths that are not drawn.
-    pub fn add_mirrored(&mut self, plane: &MirrorPlane) {
+    /// Every view's mirror image at azimuths that are not drawn.
+    pub fn mirrored(&self, plane: &MirrorPlane) -> Vec<SolidView> {
         let same = |a: f64, b: f64| (a - b).sin().abs() < 1e-3 && (a - b).cos() > 0.0;
-        for index in 0..self.views.len() {
-            let view = &self.views[index];
+        let mut images: Vec<SolidView> = Vec::new();
+        for view in &self.views {
             let own_rad = view.outline.azimuth_rad;
             let azimuth_rad = plane.azimuth_rad(own_rad);
-            if self.views.iter().any(|view| same(view.outline.azimuth_rad, azimuth_rad)) {
+            let mut known = self.views.iter().chain(&images);
+            if known.any(|view| same(view.outline.azimuth_rad, azimuth_rad)) {
                 continue;
             }
             let sum_px = plane.column_sum_px(own_rad);
-            self.views.push(SolidView {
+            images.push(SolidView {
                 outline: view.outline.mirrored(azimuth_rad, sum_px),
                 drawing: view.drawing,
                 mirror_sum_px: Some(sum_px),
                 depth_gain_px: plane.left_right.then(|| plane.depth_gain_px(own_rad)),
             });
         }
+        images
     }
 
     /// What each view tells about creases.
@@ -126,14 +128,19 @@ impl SolidSheet {
 
     /// One outline per direction: the first of those that look along one line.
     pub fn directions(&self) -> Vec<Outline> {
-        let mut directions: Vec<Outline> = Vec::new();
-        for view in &self.views {
-            if !directions.iter().any(|other| other.is_parallel_to(&view.outline)) {
-                directions.push(view.outline.clone());
-            }
-        }
-        directions
+        directions_of(&self.views)
     }
+}
+
+/// One outline per direction: the first of those that look along one line.
+pub fn directions_of<'a>(views: impl IntoIterator<Item = &'a SolidView>) -> Vec<Outline> {
+    let mut directions: Vec<Outline> = Vec::new();
+    for view in views {
+        if !directions.iter().any(|other| other.is_parallel_to(&view.outline)) {
+            directions.push(view.outline.clone());
+        }
+    }
+    directions
 }
 
 /// `bits` dilated by `columns` and `rows` to each side.

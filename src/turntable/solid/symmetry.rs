@@ -1,6 +1,7 @@
 //! Bilateral symmetry: a view at one azimuth gives its mirror image for free.
 
-use super::outline::{Outline, length};
+use super::outline::{Outline, difference, length};
+use super::section::{covered, sections_of_row};
 
 /// A vertical plane that mirrors the subject onto itself.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
@@ -21,6 +22,13 @@ const MIN_IOU: f64 = 0.96;
 const MIN_INK: f64 = 0.5;
 /// Less inner ink says nothing, px.
 const MIN_INK_PX: usize = 50;
+/// Mirrored views that leave more of what is drawn without anything behind it
+/// show that the subject is not symmetric.
+pub const MAX_UNCOVERED: f64 = 0.01;
+/// About so many rows are tested.
+const TESTED_ROWS: usize = 100;
+/// Farther from the axis than anything, px.
+const HALF_PX: f64 = 1e5;
 /// Ink this close to the outline is the outline's, px.
 const INNER_PX: f64 = 5.0;
 /// Lines are drawn alike within this distance, px.
@@ -79,6 +87,34 @@ pub fn detect(drawings: &[Drawing], forced: bool) -> Option<MirrorPlane> {
                 && plane.ink_agreement.is_none_or(|ink| ink > MIN_INK))
     };
     planes.iter().filter(fits).max_by(|a, b| score(a).total_cmp(&score(b))).copied()
+}
+
+/// The share of what the drawings show that nothing stands behind once the
+/// outlines in `mirrored` bound the subject too.
+///
+/// A drawing may look like its own mirror image where the subject does not: a
+/// ring turned by 45 degrees does from the front and from the side.
+pub fn uncovered_share(drawn: &[Outline], mirrored: &[Outline]) -> f64 {
+    use rayon::prelude::*;
+    let rows = drawn.iter().filter_map(Outline::row_range);
+    let Some((first, last)) = rows.reduce(|a, b| (a.0.max(b.0), a.1.min(b.1))) else { return 0.0 };
+    let step = (last.saturating_sub(first) / TESTED_ROWS).max(1);
+    let all: Vec<&Outline> = drawn.iter().chain(mirrored).collect();
+    let tested: Vec<usize> = (first..last).step_by(step).collect();
+    let lost_of_row = |&y: &usize| {
+        let rows: Vec<_> = all.iter().map(|outline| outline.row(y)).collect();
+        let before = sections_of_row(&all[..drawn.len()], &rows[..drawn.len()], HALF_PX);
+        let after = sections_of_row(&all, &rows, HALF_PX);
+        let of_view = |outline: &Outline| {
+            let axis = outline.right();
+            let shown = covered(&before, &axis);
+            (length(&difference(&shown, &covered(&after, &axis))), length(&shown))
+        };
+        drawn.iter().map(of_view).fold((0.0, 0.0), |sum, of| (sum.0 + of.0, sum.1 + of.1))
+    };
+    let of_rows: Vec<(f64, f64)> = tested.par_iter().map(lost_of_row).collect();
+    let (lost, shown) = of_rows.iter().fold((0.0, 0.0), |sum, of| (sum.0 + of.0, sum.1 + of.1));
+    if shown > 0.0 { lost / shown } else { 0.0 }
 }
 
 fn plane_of(drawing: &Drawing) -> Option<MirrorPlane> {

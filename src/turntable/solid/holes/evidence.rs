@@ -6,7 +6,7 @@ use std::f64::consts::PI;
 use super::super::super::raster::stroke_scale;
 use super::super::outline::{Outline, difference, intersection, length, union};
 use super::super::rounding::rounded;
-use super::super::section::{Section, sections_of_row};
+use super::super::section::{Section, covered, sections_of_row};
 use super::super::sheet::SolidSheet;
 use super::super::symmetry::MirrorPlane;
 use super::regions::{Region, columns_of};
@@ -155,12 +155,12 @@ impl Evidence<'_> {
     }
 }
 
-/// The extents of sections along `axis`.
+/// What sections cover along `axis`, as they are or rounded.
 fn cover(sections: &[Section], axis: &nalgebra::Vector2<f64>, round: bool) -> Intervals {
+    if !round {
+        return covered(sections, axis);
+    }
     let extent = |section: &Section| {
-        if !round {
-            return section.extent_along(axis);
-        }
         let outline = rounded(section, &vec![false; section.len()]);
         let columns = outline.iter().map(|point| axis.dot(&point.coords));
         columns.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), u| (l.min(u), h.max(u)))
