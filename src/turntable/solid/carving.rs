@@ -14,9 +14,9 @@ const MIN_COSINE: f32 = 0.15;
 /// How far depth at the visual hull's bound is believed.
 const HULL_TRUST: f32 = 0.5;
 /// How far depth that is carried on from lines farther off is believed.
-const GUESS_TRUST: f32 = 0.1;
+const GUESS_TRUST: f32 = 0.3;
 /// What a map that contradicts counts against one that agrees.
-const CONFLICT_WEIGHT: f32 = 2.0;
+const CONFLICT_WEIGHT: f32 = 4.0;
 /// Maps are compared at every so many columns and rows.
 const CELL_PX: usize = 2;
 
