@@ -13,8 +13,10 @@ use super::sheet::{SolidSheet, SolidView};
 const MIN_COSINE: f32 = 0.15;
 /// How far depth at the visual hull's bound is believed.
 const HULL_TRUST: f32 = 0.5;
-/// How far depth that is carried on from lines farther off is believed.
+/// How far depth that is carried on from lines farther off is believed, of
+/// views up to `NEAR_DEG` apart; of wider ones less in proportion.
 const GUESS_TRUST: f32 = 0.3;
+const NEAR_DEG: f64 = 5.0;
 /// What a map that contradicts counts against one that agrees.
 const CONFLICT_WEIGHT: f32 = 4.0;
 /// Maps are compared at every so many columns and rows.
@@ -53,7 +55,10 @@ impl CarvingView {
     /// believed. `reach_px` is how far apart surfaces still agree.
     pub fn of_sheet(sheet: &SolidSheet, depth_maps: &[DepthMap], reach_px: f64) -> Vec<Self> {
         use rayon::prelude::*;
-        let samples: Vec<_> = depth_maps.par_iter().map(|map| Arc::new(samples_of(map))).collect();
+        let samples: Vec<_> = depth_maps
+            .par_iter()
+            .map(|map| Arc::new(samples_of(map, guess_trust(map, depth_maps))))
+            .collect();
         let views = sheet.views.iter();
         let mut carving: Vec<Self> =
             views.filter_map(|view| Self::new(sheet, view, depth_maps, &samples)).collect();
@@ -195,14 +200,26 @@ fn believed(
     samples
 }
 
-fn samples_of(map: &DepthMap) -> Vec<Sample> {
+/// The wider the angle to the next view, the less its lines tell of what is
+/// between them.
+fn guess_trust(map: &DepthMap, all: &[DepthMap]) -> f32 {
+    let angle = |other: &DepthMap| {
+        let ahead = map.azimuth.degrees_to(other.azimuth).rem_euclid(360.0);
+        ahead.min(360.0 - ahead)
+    };
+    let others = all.iter().filter(|other| other.azimuth != map.azimuth);
+    let nearest_deg = others.map(angle).fold(180.0, f64::min);
+    GUESS_TRUST * (NEAR_DEG / nearest_deg).min(1.0) as f32
+}
+
+fn samples_of(map: &DepthMap, guess_trust: f32) -> Vec<Sample> {
     let facing = cosines(&map.depth);
-    let trust = |pixel: usize| trust_of(map.confidence.as_ref(), pixel);
+    let trust = |pixel: usize| trust_of(map.confidence.as_ref(), pixel, guess_trust);
     let depths = map.depth.as_raw().iter().zip(facing).enumerate();
     depths.map(|(pixel, (&depth, facing))| Sample { depth, facing, trust: trust(pixel) }).collect()
 }
 
-fn trust_of(confidence: Option<&GrayImage>, pixel: usize) -> f32 {
+fn trust_of(confidence: Option<&GrayImage>, pixel: usize, guess_trust: f32) -> f32 {
     let Some(level) = confidence.map(|levels| levels.as_raw().get(pixel).copied().unwrap_or(0))
     else {
         return 1.0;
@@ -212,7 +229,7 @@ fn trust_of(confidence: Option<&GrayImage>, pixel: usize) -> f32 {
     } else if level == Confidence::Hull as u8 {
         HULL_TRUST
     } else {
-        GUESS_TRUST
+        guess_trust
     }
 }
 
