@@ -88,9 +88,9 @@ def set_up_render(size_px: int) -> None:
     scene.world.use_nodes = True
     background = scene.world.node_tree.nodes["Background"].inputs
     background[0].default_value = (1, 1, 1, 1)
-    background[1].default_value = 0.35
+    background[1].default_value = 0.9
     sun = bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN"))
-    sun.data.energy = 2.5
+    sun.data.energy = 1.8
     sun.rotation_euler = (math.radians(55), 0, math.radians(-50))
     scene.collection.objects.link(sun)
 
