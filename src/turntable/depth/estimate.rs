@@ -18,7 +18,7 @@ use super::triples::Bounds;
 pub use crate::options::DepthOptions;
 use crate::sheet::Azimuth;
 
-/// What a pixel's depth rests on, as stored in [`ViewDepth::confidence`].
+/// What a pixel's depth rests on, as stored in [`DepthMap::confidence`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u8)]
 pub enum Confidence {
