@@ -7,6 +7,7 @@
 //! camera; in the view at `a + t` the same point is at `x cos t + d sin t`, in
 //! the same row.
 
+mod connected;
 pub mod depth;
 pub mod ink;
 pub mod mesh;

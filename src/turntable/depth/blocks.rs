@@ -1,8 +1,9 @@
 //! The silhouette in coarse blocks, on which lines are released.
 
+use super::super::connected::components;
 use super::contours::{Contours, Crossing};
 use super::filters::median;
-use super::graph::{Cuts, Owner, PixelGraph, components};
+use super::graph::{Cuts, Owner, PixelGraph};
 use super::lines::LineDepths;
 use super::multigrid::{Hierarchy, Link};
 use super::owners::{cut_inner, line_weight};

@@ -8,8 +8,9 @@
 //! runs along the rows. `c` follows from the contour's curvature:
 //! `c = 2 rho / u_x`.
 
+use super::super::connected::components;
 use super::contours::{Contours, Crossing};
-use super::graph::{Cuts, Owner, PixelGraph, components};
+use super::graph::{Cuts, Owner, PixelGraph};
 use super::lines::LineDepths;
 use super::multigrid::{Hierarchy, Link};
 use super::owners::{cut_inner, is_straight, line_weight};

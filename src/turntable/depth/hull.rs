@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::super::raster::runs;
 use super::super::silhouette::Silhouette;
 use super::super::views::ViewSet;
 use super::lines::angle_between;
@@ -85,17 +86,6 @@ impl GrownRows {
             .collect();
         Self { rows }
     }
-}
-
-/// Half-open ranges of columns that are not 0.
-fn runs(row: &[u8]) -> impl Iterator<Item = (usize, usize)> + '_ {
-    let mut next = 0;
-    std::iter::from_fn(move || {
-        let start = next + row[next..].iter().position(|&level| level != 0)?;
-        let length = row[start..].iter().position(|&level| level == 0);
-        next = length.map_or(row.len(), |length| start + length);
-        Some((start, next))
-    })
 }
 
 /// Another view's row: the columns that its silhouette covers, and sine and

@@ -107,19 +107,16 @@ fn spread(depth: &mut Map, mask: &GrayImage) {
     let (width, height) = mask.dimensions();
     let mut open: VecDeque<(u32, u32)> =
         depth.enumerate_pixels().filter(|(_, _, d)| known(d)).map(|(x, y, _)| (x, y)).collect();
-    let reach = |depth: &mut Map, open: &mut VecDeque<(u32, u32)>| {
-        while let Some((x, y)) = open.pop_front() {
-            let here = *depth.get_pixel(x, y);
-            let beside = [(x.wrapping_sub(1), y), (x + 1, y), (x, y.wrapping_sub(1)), (x, y + 1)];
-            for (x, y) in beside.into_iter().filter(|&(x, y)| x < width && y < height) {
-                if mask.get_pixel(x, y).0[0] != 0 && !known(depth.get_pixel(x, y)) {
-                    depth.put_pixel(x, y, here);
-                    open.push_back((x, y));
-                }
+    while let Some((x, y)) = open.pop_front() {
+        let here = *depth.get_pixel(x, y);
+        let beside = [(x.wrapping_sub(1), y), (x + 1, y), (x, y.wrapping_sub(1)), (x, y + 1)];
+        for (x, y) in beside.into_iter().filter(|&(x, y)| x < width && y < height) {
+            if mask.get_pixel(x, y).0[0] != 0 && !known(depth.get_pixel(x, y)) {
+                depth.put_pixel(x, y, here);
+                open.push_back((x, y));
             }
         }
-    };
-    reach(depth, &mut open);
+    }
     // Parts that the surface leaves out whole.
     for (depth, level) in depth.pixels_mut().zip(mask.pixels()) {
         if level.0[0] != 0 && !known(depth) {

@@ -75,33 +75,13 @@ impl<'a> Sight<'a> {
 
 #[cfg(test)]
 mod tests {
-    use image::{GrayImage, Luma};
-
-    use super::super::super::ink::InkMap;
-    use super::super::super::silhouette::{SilhouetteOptions, Silhouettes};
-    use super::super::super::views::{View, ViewSet};
+    use super::super::tests::framed;
     use super::*;
-    use crate::sheet::Azimuth;
 
     /// A frame, with an upright line inside it or none, and the surface in it
     /// at depth 0.
     fn frame(inner: Option<u32>, test: impl Fn(&Sight<'_>, &PixelGraph, &[f32])) {
-        let image = GrayImage::from_fn(120, 60, |x, y| {
-            let edge = [10, 109].contains(&x) && (10..50).contains(&y)
-                || [10, 49].contains(&y) && (10..110).contains(&x)
-                || Some(x) == inner && (10..50).contains(&y);
-            Luma([if edge { 0 } else { 255 }])
-        });
-        let ink = InkMap::from_image(&image);
-        let view = |degrees| View {
-            azimuth: Azimuth::from_degrees(degrees).unwrap(),
-            image: image.clone(),
-            mask: None,
-        };
-        let views = ViewSet::new(vec![view(0.0), view(90.0)]).unwrap();
-        let silhouettes = Silhouettes::of_views(&views, &SilhouetteOptions::default()).unwrap();
-        let contours = Contours::new(&ink, &silhouettes.silhouettes[0]);
-        let graph = PixelGraph::new(silhouettes.silhouettes[0].mask(), &contours);
+        let (contours, graph) = framed(|x, y| Some(x) == inner && (10..50).contains(&y));
         let surface = vec![0.0; graph.nodes()];
         test(&Sight::new(&graph, &contours, 1.0), &graph, &surface);
     }

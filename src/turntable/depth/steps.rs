@@ -40,34 +40,14 @@ pub fn steps(graph: &PixelGraph, blocks: &Blocks, unit_px: f64) -> Vec<bool> {
 
 #[cfg(test)]
 mod tests {
-    use image::{GrayImage, Luma};
-
-    use super::super::super::ink::InkMap;
-    use super::super::super::silhouette::{SilhouetteOptions, Silhouettes};
-    use super::super::super::views::{View, ViewSet};
-    use super::super::contours::Contours;
     use super::super::lines::LineDepths;
+    use super::super::tests::framed;
     use super::*;
-    use crate::sheet::Azimuth;
 
     /// The steps at column 60 of two boxes, one above the other, whose edges
     /// are at the given depths; the line between them is in rows 30 and 31.
     fn step_rows(upper_px: f64, lower_px: f64) -> Vec<usize> {
-        let image = GrayImage::from_fn(120, 60, |x, y| {
-            let edge = [10, 109].contains(&x) && (10..50).contains(&y)
-                || [10, 30, 31, 49].contains(&y) && (10..110).contains(&x);
-            Luma([if edge { 0 } else { 255 }])
-        });
-        let ink = InkMap::from_image(&image);
-        let view = |degrees| View {
-            azimuth: Azimuth::from_degrees(degrees).unwrap(),
-            image: image.clone(),
-            mask: None,
-        };
-        let views = ViewSet::new(vec![view(0.0), view(90.0)]).unwrap();
-        let silhouettes = Silhouettes::of_views(&views, &SilhouetteOptions::default()).unwrap();
-        let contours = Contours::new(&ink, &silhouettes.silhouettes[0]);
-        let graph = PixelGraph::new(silhouettes.silhouettes[0].mask(), &contours);
+        let (contours, graph) = framed(|x, y| [30, 31].contains(&y) && (10..110).contains(&x));
         let mut lines = LineDepths::unknown(contours.crossings.len());
         for (crossing, depth) in contours.crossings.iter().zip(&mut lines.depth_px) {
             *depth = if crossing.y < 30 { upper_px } else { lower_px };

@@ -2,8 +2,11 @@ use std::ops::ControlFlow;
 
 use image::{GrayImage, Luma};
 
+use super::contours::Contours;
+use super::graph::PixelGraph;
 use super::*;
 use crate::sheet::Azimuth;
+use crate::turntable::ink::InkMap;
 use crate::turntable::silhouette::{SilhouetteOptions, Silhouettes};
 use crate::turntable::views::{View, ViewSet};
 
@@ -143,6 +146,27 @@ fn compared(subject: &dyn Subject, found: &LineEstimate) -> (f64, f64) {
     let covariance = mean(|p| p.0 * p.1) - found * truth;
     let spread = (mean(|p| p.0 * p.0) - found * found) * (mean(|p| p.1 * p.1) - truth * truth);
     (covariance / spread.sqrt(), mean(|p| (p.0 - p.1).abs()))
+}
+
+/// A drawing of 120 by 60 px of a frame from (10, 10) to (109, 49), with more
+/// ink `inside` it.
+pub(super) fn framed(inside: impl Fn(u32, u32) -> bool) -> (Contours, PixelGraph) {
+    let image = GrayImage::from_fn(120, 60, |x, y| {
+        let edge = [10, 109].contains(&x) && (10..50).contains(&y)
+            || [10, 49].contains(&y) && (10..110).contains(&x);
+        Luma([if edge || inside(x, y) { 0 } else { 255 }])
+    });
+    let ink = InkMap::from_image(&image);
+    let view = |degrees| View {
+        azimuth: Azimuth::from_degrees(degrees).unwrap(),
+        image: image.clone(),
+        mask: None,
+    };
+    let views = ViewSet::new(vec![view(0.0), view(90.0)]).unwrap();
+    let silhouettes = Silhouettes::of_views(&views, &SilhouetteOptions::default()).unwrap();
+    let contours = Contours::new(&ink, &silhouettes.silhouettes[0]);
+    let graph = PixelGraph::new(silhouettes.silhouettes[0].mask(), &contours);
+    (contours, graph)
 }
 
 #[test]

@@ -204,7 +204,7 @@ fn believed(
 /// between them.
 fn guess_trust(map: &DepthMap, all: &[DepthMap]) -> f32 {
     let angle = |other: &DepthMap| {
-        let ahead = map.azimuth.degrees_to(other.azimuth).rem_euclid(360.0);
+        let ahead = map.azimuth.degrees_to(other.azimuth);
         ahead.min(360.0 - ahead)
     };
     let others = all.iter().filter(|other| other.azimuth != map.azimuth);

@@ -193,12 +193,12 @@ fn prepared_sheet(
         let forced = options.symmetry == Switch::On;
         let plane =
             seen.or_else(|| forced.then(|| symmetry::detect(&sheet.drawings(), true)).flatten());
-        let images = plane.map(|plane| sheet.mirrored(&plane)).unwrap_or_default();
-        let (drawn, mirrored) = (sheet.directions(), sheet::directions_of(&images));
-        let share = symmetry::uncovered_share(&drawn, &mirrored);
-        if forced || share <= symmetry::MAX_UNCOVERED {
-            report.mirror_plane = plane;
-            sheet.views.extend(images);
+        if let Some(plane) = plane {
+            let images = sheet.mirrored(&plane);
+            if forced || symmetry::leaves_covered(&sheet, &images) {
+                report.mirror_plane = Some(plane);
+                sheet.views.extend(images);
+            }
         }
     }
     sheet

@@ -2,6 +2,7 @@
 
 use super::outline::{Outline, difference, length};
 use super::section::{covered, sections_of_row};
+use super::sheet::{SolidSheet, SolidView, directions_of};
 
 /// A vertical plane that mirrors the subject onto itself.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
@@ -24,7 +25,7 @@ const MIN_INK: f64 = 0.5;
 const MIN_INK_PX: usize = 50;
 /// Mirrored views that leave more of what is drawn without anything behind it
 /// show that the subject is not symmetric.
-pub const MAX_UNCOVERED: f64 = 0.01;
+const MAX_UNCOVERED: f64 = 0.01;
 /// About so many rows are tested.
 const TESTED_ROWS: usize = 100;
 /// Farther from the axis than anything, px.
@@ -89,12 +90,17 @@ pub fn detect(drawings: &[Drawing], forced: bool) -> Option<MirrorPlane> {
     planes.iter().filter(fits).max_by(|a, b| score(a).total_cmp(&score(b))).copied()
 }
 
+/// Whether mirrored views leave something behind what the drawings show.
+pub fn leaves_covered(sheet: &SolidSheet, images: &[SolidView]) -> bool {
+    uncovered_share(&sheet.directions(), &directions_of(images)) <= MAX_UNCOVERED
+}
+
 /// The share of what the drawings show that nothing stands behind once the
 /// outlines in `mirrored` bound the subject too.
 ///
 /// A drawing may look like its own mirror image where the subject does not: a
 /// ring turned by 45 degrees does from the front and from the side.
-pub fn uncovered_share(drawn: &[Outline], mirrored: &[Outline]) -> f64 {
+fn uncovered_share(drawn: &[Outline], mirrored: &[Outline]) -> f64 {
     use rayon::prelude::*;
     let rows = drawn.iter().filter_map(Outline::row_range);
     let Some((first, last)) = rows.reduce(|a, b| (a.0.max(b.0), a.1.min(b.1))) else { return 0.0 };

@@ -2,6 +2,7 @@
 
 use image::GrayImage;
 
+use super::super::super::connected::components;
 use super::super::super::raster::{runs, stroke_scale, two_passes};
 use super::super::sheet::SolidSheet;
 
@@ -84,32 +85,21 @@ fn paper_runs(mask: &GrayImage, near_ink: &[bool]) -> Vec<Run> {
 /// Runs that share columns with one in the next row, in one group; groups in
 /// order of their first run.
 fn connected(runs: &[Run]) -> Vec<Vec<Run>> {
-    let mut parents: Vec<usize> = (0..runs.len()).collect();
+    let mut links: Vec<(u32, u32)> = Vec::new();
     let mut above = 0;
     for (index, &(y, from, to)) in runs.iter().enumerate() {
         while runs[above].0 + 1 < y || (runs[above].0 + 1 == y && runs[above].2 <= from) {
             above += 1;
         }
         let beside = (above..index).take_while(|&other| runs[other].0 < y && runs[other].1 < to);
-        for other in beside {
-            let (a, b) = (root(&mut parents, index), root(&mut parents, other));
-            parents[a.max(b)] = a.min(b);
-        }
+        links.extend(beside.map(|other| (other as u32, index as u32)));
     }
-    let mut groups: Vec<Vec<Run>> = vec![Vec::new(); runs.len()];
-    for (index, run) in runs.iter().enumerate() {
-        groups[root(&mut parents, index)].push(*run);
+    let (labels, count) = components(runs.len(), links.into_iter());
+    let mut groups: Vec<Vec<Run>> = vec![Vec::new(); count];
+    for (run, label) in runs.iter().zip(labels) {
+        groups[label as usize].push(*run);
     }
-    groups.retain(|group| !group.is_empty());
     groups
-}
-
-fn root(parents: &mut [usize], mut index: usize) -> usize {
-    while parents[index] != index {
-        parents[index] = parents[parents[index]];
-        index = parents[index];
-    }
-    index
 }
 
 /// Distance to the nearest pixel outside `mask`, px.
