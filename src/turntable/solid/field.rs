@@ -201,14 +201,6 @@ pub struct Field {
     pub planes: Vec<Plane>,
 }
 
-impl Field {
-    /// The signed distance at a node, px; outside everywhere beyond the planes.
-    pub fn at(&self, i: usize, j: usize, k: usize) -> f32 {
-        let outside = -self.lattice.truncation_px() as f32;
-        self.planes.get(k).map_or(outside, |plane| plane.at(i, j, outside))
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
