@@ -6,9 +6,7 @@ RUN apt-get update \
     && apt-get install -y --no-install-recommends clang libclang-dev libopencv-dev pkg-config \
     && rm -rf /var/lib/apt/lists/*
 WORKDIR /build
-COPY Cargo.toml Cargo.lock ./
-COPY migrations migrations
-COPY src src
+COPY . .
 RUN cargo build --release --locked && strip target/release/turnaround
 
 FROM debian:bookworm-slim

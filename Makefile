@@ -11,16 +11,16 @@ run:
 # Install what the tests need and run all of them.
 test:
 	@scripts/install-prerequisites
-	cargo test --locked
+	cargo test --workspace --locked
 
 check: lint docs test
 
 lint:
-	cargo fmt --check
-	cargo clippy --locked --all-targets -- -D warnings
+	cargo fmt --all --check
+	cargo clippy --workspace --locked --all-targets -- -D warnings
 
 docs:
-	RUSTDOCFLAGS="-D warnings" cargo doc --locked --no-deps
+	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --locked --no-deps
 
 # Write the API description again after a change to the interface.
 openapi:

@@ -1,10 +1,10 @@
-//! Prints the SURF keypoints of pictures, for `bench/surf_repeatability.py`:
+//! Prints the SURF keypoints of pictures, for `tools/surf_repeatability.py`:
 //! per picture a line `# name`, then `x y size response` of each, strongest
 //! first. Arguments: Hessian threshold, octaves, layers, pictures.
 
 use std::error::Error;
 
-use turnaround::vision::surf::{SurfOptions, detect};
+use uncalibrated::vision::surf::{SurfOptions, detect};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();

@@ -13,15 +13,15 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use jiff::Timestamp;
+use jobs::bytes::{ByteStore, Key};
+use jobs::{
+    ArtifactEntry, EventKind, Job, JobId, JobState, JobStore, NewJob, SqliteStore, SystemClock,
+};
 use rand::{Rng, RngCore, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde_json::json;
 use sha2::{Digest, Sha256};
 use tokio::runtime::{Handle, Runtime};
-use turnaround::artifacts::{ByteStore, Key};
-use turnaround::jobs::{
-    ArtifactEntry, EventKind, Job, JobId, JobState, JobStore, NewJob, SqliteStore, SystemClock,
-};
 use turnaround::worker::{Attempt, Pool, Work, WorkError, WorkerConfig, collect};
 
 const JOBS: u64 = 10;

@@ -1,13 +1,8 @@
 //! The first byte picks the format, the rest is the file.
 #![no_main]
 
-#[path = "../../src/geometry/mod.rs"]
-mod geometry;
-#[path = "../../src/model_io/mod.rs"]
-mod model_io;
-
 use libfuzzer_sys::fuzz_target;
-use model_io::{Limits, ModelFormat, load};
+use mesh::read::{Limits, ModelFormat, load};
 
 const FORMATS: [ModelFormat; 5] = [
     ModelFormat::Glb,

@@ -1,24 +1,24 @@
 use std::fs;
-use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
+use super::progress_bar::Bar;
 use anyhow::{Context, Result, anyhow};
 use clap::Args;
-use indicatif::ProgressBar;
 use serde_json::json;
 
 use super::failure::Failure;
 use super::inputs;
-use crate::draw::{DrawError, DrawOptions, PreparedModel, SheetLimits, draw_sheet};
-use crate::export::Artifact;
-use crate::model_io::{self, Limits, Model, ModelFormat, UpAxis};
-use crate::models::ProceduralModel;
-use crate::options;
-use crate::sheet::AzimuthList;
+use artifacts::Artifact;
+use drawing::{DrawError, DrawOptions, PreparedModel, SheetLimits, draw_sheet};
+use frames::UpAxis;
+use mesh::builtin::ProceduralModel;
+use mesh::read::{self, Limits, Model, ModelFormat};
+
+use frames::AzimuthList;
 
 #[derive(Args, Debug)]
-pub struct DrawArgs {
+pub(super) struct DrawArgs {
     /// Model file (GLB, glTF, OBJ, PLY, STL), or builtin:NAME with NAME one of cube, cone,
     /// sphere, torus_flat, torus_side, dude, objects, caped_figure, teapot
     #[arg(value_name = "MODEL")]
@@ -64,15 +64,11 @@ impl FromStr for Source {
 }
 
 /// Draws a model sheet with its ground truth and writes it to a folder.
-pub fn run(args: &DrawArgs) -> Result<(), Failure> {
+pub(super) fn run(args: &DrawArgs) -> Result<(), Failure> {
     let options = chosen_options(args).map_err(Failure::Usage)?;
     let model = load(args).map_err(Failure::Input)?;
     let prepared = PreparedModel::new(&model)?;
-    let bar = ProgressBar::new(args.azimuths.0.len() as u64);
-    let progress = |done: usize| {
-        bar.set_position(done as u64);
-        ControlFlow::Continue(())
-    };
+    let bar = Bar::new();
     let mut files = 0;
     let mut keep = |file: Artifact| {
         files += 1;
@@ -82,8 +78,8 @@ pub fn run(args: &DrawArgs) -> Result<(), Failure> {
         .with_context(|| args.output.display().to_string())
         .map_err(Failure::Internal)?;
     let (azimuths, limits) = (&args.azimuths.0, SheetLimits::default());
-    draw_sheet(&prepared, azimuths, &options, &limits, &progress, &mut keep)?;
-    bar.finish_and_clear();
+    draw_sheet(&prepared, azimuths, &options, &limits, &bar, &mut keep)?;
+    drop(bar);
     println!("{} views: {files} files in {}", azimuths.len(), args.output.display());
     Ok(())
 }
@@ -109,7 +105,7 @@ fn load(args: &DrawArgs) -> Result<Model> {
         return Err(anyhow!("{name} has {size} bytes, over the limit of {}", limits.max_bytes));
     }
     let bytes = fs::read(path).with_context(|| name.to_string())?;
-    model_io::load(&bytes, format, up_axis, &limits).with_context(|| name.to_string())
+    read::load(&bytes, format, up_axis, &limits).with_context(|| name.to_string())
 }
 
 fn chosen_options(args: &DrawArgs) -> Result<DrawOptions> {

@@ -2,7 +2,7 @@ use std::process::ExitCode;
 
 /// Why a command ended without its result.
 #[derive(Debug)]
-pub enum Failure {
+pub(super) enum Failure {
     /// What the user gave can't be used.
     Input(anyhow::Error),
     /// The command line or the settings are wrong.
@@ -13,7 +13,7 @@ pub enum Failure {
 
 impl Failure {
     /// Prints the reason and gives the exit status.
-    pub fn report(self) -> ExitCode {
+    pub(super) fn report(self) -> ExitCode {
         let (error, status) = match self {
             Self::Input(error) => (error, 1),
             Self::Usage(error) => (error, 2),

@@ -7,11 +7,10 @@ use std::thread::available_parallelism;
 use anyhow::{Context, Result};
 use serde_json::Value;
 
-use crate::options;
-use crate::sheet::SheetDocument;
+use sheet::SheetDocument;
 
 /// How many threads `--threads` means: 0 is all processors.
-pub fn threads(asked: usize) -> usize {
+pub(super) fn threads(asked: usize) -> usize {
     match asked {
         0 => available_parallelism().map_or(1, usize::from),
         threads => threads,
@@ -19,7 +18,7 @@ pub fn threads(asked: usize) -> usize {
 }
 
 /// Lays the values of `--set`, each `OPTION=VALUE`, over options.
-pub fn lay_over(options: &mut Value, settings: &[String]) -> Result<()> {
+pub(super) fn lay_over(options: &mut Value, settings: &[String]) -> Result<()> {
     for setting in settings {
         let (option, value) = setting
             .split_once('=')
@@ -30,7 +29,7 @@ pub fn lay_over(options: &mut Value, settings: &[String]) -> Result<()> {
 }
 
 /// Reads a sheet document.
-pub fn sheet_document(path: &Path) -> Result<SheetDocument> {
+pub(super) fn sheet_document(path: &Path) -> Result<SheetDocument> {
     let text = fs::read_to_string(path).with_context(|| path.display().to_string())?;
     let mut json = serde_json::Deserializer::from_str(&text);
     serde_path_to_error::deserialize(&mut json)

@@ -9,6 +9,7 @@ mod draw;
 mod evaluate;
 mod failure;
 mod inputs;
+mod progress_bar;
 mod reconstruct;
 mod serve;
 mod study;

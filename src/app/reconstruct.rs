@@ -3,22 +3,22 @@ use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
+use super::progress_bar::Bar;
 use anyhow::{Context, Result, anyhow, bail};
 use clap::Args;
-use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 
 use super::config::LimitConfig;
 use super::failure::Failure;
 use super::inputs;
 use crate::draft::{self, DraftError, Summary};
-use crate::export::{Artifact, ArtifactName, ArtifactSink, ArtifactWriter};
-use crate::options;
-use crate::pipeline::{Observer, Progress};
-use crate::sheet::{Azimuth, AzimuthList, SheetDocument, ViewDocument};
+use artifacts::{Artifact, ArtifactName, ArtifactSink, ArtifactWriter};
+
+use frames::{Azimuth, AzimuthList};
+use sheet::{SheetDocument, ViewDocument};
 
 #[derive(Args, Debug)]
-pub struct ReconstructArgs {
+pub(super) struct ReconstructArgs {
     /// Sheet document; its image names are relative to it
     #[arg(required_unless_present = "view", conflicts_with = "view", value_name = "SHEET.json")]
     sheet: Option<PathBuf>,
@@ -48,7 +48,7 @@ pub struct ReconstructArgs {
 }
 
 /// Reconstructs a sheet from local files and writes the artifacts to a folder.
-pub fn run(args: &ReconstructArgs) -> Result<(), Failure> {
+pub(super) fn run(args: &ReconstructArgs) -> Result<(), Failure> {
     let (mut document, base) = document(args).map_err(Failure::Input)?;
     document.options = Some(chosen_options(args, document.options.take())?);
     let read = |name: &str| fs::read(base.join(name)).map_err(|error| name_file(name, &error));
@@ -61,7 +61,7 @@ pub fn run(args: &ReconstructArgs) -> Result<(), Failure> {
         &bar,
         &mut Folder(&args.output),
     );
-    bar.0.finish_and_clear();
+    drop(bar);
     report(&summary.map_err(classify)?, &args.output);
     Ok(())
 }
@@ -127,7 +127,8 @@ fn chosen_options(args: &ReconstructArgs, own: Option<Value>) -> Result<Value, F
         options::merge(&mut chosen, json!({ "method": method }));
     }
     inputs::lay_over(&mut chosen, &args.set).map_err(Failure::Usage)?;
-    options::parse(&chosen).map_err(|problems| Failure::Input(anyhow!("options: {problems}")))?;
+    draft::options::parse(&chosen)
+        .map_err(|problems| Failure::Input(anyhow!("options: {problems}")))?;
     Ok(chosen)
 }
 
@@ -214,30 +215,4 @@ fn report(summary: &Summary, folder: &Path) {
         summary.artifacts.len(),
         folder.display()
     );
-}
-
-/// A progress bar on the terminal; silent elsewhere.
-struct Bar(ProgressBar);
-
-impl Bar {
-    const STEPS: u64 = 1000;
-
-    fn new() -> Self {
-        let style = ProgressStyle::with_template("{bar:40} {percent:>3} % {msg}")
-            .expect("the template is valid");
-        Self(ProgressBar::new(Self::STEPS).with_style(style))
-    }
-}
-
-impl Observer for Bar {
-    fn progress(&self, progress: Progress) {
-        let stage = serde_json::to_value(progress.stage).unwrap_or_default();
-        let unit = progress.unit.as_deref().unwrap_or_default();
-        self.0.set_message(format!("{} {unit}", stage.as_str().unwrap_or_default()));
-        self.0.set_position((progress.fraction * Self::STEPS as f64) as u64);
-    }
-
-    fn is_cancelled(&self) -> bool {
-        false
-    }
 }

@@ -13,19 +13,19 @@ use tokio_util::sync::CancellationToken;
 
 use super::config::{Config, HttpConfig, LimitConfig, WorkersConfig};
 use super::failure::Failure;
-use crate::artifacts::ByteStore;
 use crate::http::{self, ApiState, HttpLimits, ServerTimeouts};
-use crate::jobs::{JobStore, SqliteStore, SystemClock};
 use crate::worker::jobs::{Draw, Reconstruct};
 use crate::worker::{Pool, Work, WorkerConfig};
+use jobs::bytes::ByteStore;
+use jobs::{JobStore, SqliteStore, SystemClock};
 
 /// Runs the HTTP interface and the workers until SIGTERM or SIGINT.
-pub fn serve(config: &Config) -> Result<(), Failure> {
+pub(super) fn serve(config: &Config) -> Result<(), Failure> {
     run(|runtime| serve_until_signal(config, runtime))
 }
 
 /// Runs workers alone until SIGTERM or SIGINT.
-pub fn worker(config: &Config) -> Result<(), Failure> {
+pub(super) fn worker(config: &Config) -> Result<(), Failure> {
     run(|runtime| work_until_signal(config, runtime))
 }
 

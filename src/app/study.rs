@@ -9,11 +9,11 @@ use rayon::ThreadPoolBuilder;
 
 use super::failure::Failure;
 use super::inputs;
-use crate::evaluation::{decode_truth, has_values};
-use crate::sheet::{
-    self, Azimuth, ImageLimits, PlacedView, SheetDocument, SheetRequirements, View,
-};
-use crate::study::{Protocol, Study, StudySheet, TripleError, choose_triple, units};
+use evaluation::{decode_truth, has_values};
+use frames::Azimuth;
+use picture::ImageLimits;
+use sheet::{PlacedView, SheetDocument, SheetRequirements, View};
+use study::{Protocol, Study, StudySheet, TripleError, choose_triple, units};
 
 /// The sheet that is also studied at a wider spacing, degrees: it stands where
 /// the dissertation's Batman does.
@@ -24,7 +24,7 @@ const REQUIREMENTS: SheetRequirements =
     SheetRequirements { min_views: 3, max_views: 360, equal_sizes: true };
 
 #[derive(Args, Debug)]
-pub struct StudyArgs {
+pub(super) struct StudyArgs {
     /// Folder of sheets: a folder for each, with its sheet.json, drawings and truth
     #[arg(value_name = "DIR")]
     sheets: PathBuf,
@@ -37,7 +37,7 @@ pub struct StudyArgs {
 }
 
 /// Runs the dissertation's study on a folder of sheets.
-pub fn run(args: &StudyArgs) -> Result<(), Failure> {
+pub(super) fn run(args: &StudyArgs) -> Result<(), Failure> {
     let started = Instant::now();
     let folders = sheet_folders(&args.sheets).map_err(Failure::Input)?;
     let (mut sheets, mut wider) = (Vec::new(), Vec::new());
@@ -140,7 +140,7 @@ fn study_sheet(
 }
 
 fn view(folder: &Path, placed: &PlacedView) -> Result<View> {
-    let drawing = sheet::decode(&read(folder, &placed.image)?, &ImageLimits::default())
+    let drawing = picture::decode(&read(folder, &placed.image)?, &ImageLimits::default())
         .map_err(|error| anyhow!("{} {error}", placed.image))?;
     Ok(View {
         azimuth: placed.azimuth,
@@ -155,7 +155,7 @@ fn read(folder: &Path, name: &str) -> Result<Vec<u8>> {
     fs::read(&path).with_context(|| path.display().to_string())
 }
 
-fn write(folder: &Path, files: &[crate::study::StudyFile]) -> Result<()> {
+fn write(folder: &Path, files: &[study::StudyFile]) -> Result<()> {
     fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     for file in files {
         let path = folder.join(&file.name);

@@ -9,7 +9,7 @@ use super::config::{LogConfig, LogFormat};
 ///
 /// # Errors
 /// If the level is no tracing directive.
-pub fn init(config: &LogConfig) -> Result<()> {
+pub(super) fn init(config: &LogConfig) -> Result<()> {
     let filter = EnvFilter::try_new(&config.log)
         .with_context(|| format!("--log {}: not a level or directive", config.log))?;
     let lines = tracing_subscriber::fmt()

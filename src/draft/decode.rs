@@ -1,10 +1,15 @@
+//! A document's pictures, checked by their headers and decoded.
+
 use rayon::ThreadPool;
 use rayon::prelude::*;
 
+use super::options::Options;
 use super::{DraftError, ReadImage};
-use crate::options::Options;
-use crate::pipeline::{Observer, Progress, Stage, check_size};
-use crate::sheet::{self, Azimuth, ImageLimits, Sheet, SheetDocument, View, ViewDocument};
+use crate::failure_code::FailureCode;
+use frames::Azimuth;
+use picture::ImageLimits;
+use progress::{Observer, Progress, Stage};
+use sheet::{Sheet, SheetDocument, View, ViewDocument};
 
 /// A view's bytes, held against the limits but not yet decoded.
 struct Inspected<'a> {
@@ -31,7 +36,7 @@ pub(super) fn decode_sheet(
     let found = document.views.len();
     if found < required {
         let detail = format!("the sheet has {found} views; the method takes at least {required}");
-        return Err(DraftError::input("too_few_views", detail));
+        return Err(DraftError::input(FailureCode::TooFewViews, detail));
     }
     let mut inspected = Vec::with_capacity(found);
     for view in &document.views {
@@ -59,9 +64,9 @@ pub(super) fn decode_sheet(
         fraction: 1.0,
     });
     Sheet::new(views)
-        .map_err(|error| DraftError::input("invalid_sheet", error))?
+        .map_err(|error| DraftError::input(FailureCode::InvalidSheet, error))?
         .with_matches(&document.matches, options.max_pair_angle_deg)
-        .map_err(|error| DraftError::input("invalid_matches", error))
+        .map_err(|error| DraftError::input(FailureCode::InvalidMatches, error))
 }
 
 fn inspect<'a>(
@@ -70,10 +75,11 @@ fn inspect<'a>(
     limits: &ImageLimits,
 ) -> Result<Inspected<'a>, DraftError> {
     let azimuth = Azimuth::from_degrees(view.azimuth_deg)
-        .map_err(|error| DraftError::input("invalid_azimuth", error))?;
+        .map_err(|error| DraftError::input(FailureCode::InvalidAzimuth, error))?;
     let header = |name: &str, bytes: &[u8]| {
-        sheet::inspect(bytes, limits)
-            .map_err(|error| DraftError::input("invalid_image", format!("image {name} {error}")))
+        picture::inspect(bytes, limits).map_err(|error| {
+            DraftError::input(FailureCode::InvalidImage, format!("image {name} {error}"))
+        })
     };
     let drawing = read(&view.image)?;
     let (_, width_px, height_px) = header(&view.image, &drawing)?;
@@ -106,10 +112,32 @@ fn check_sizes(
                 first.width_px,
                 first.height_px
             );
-            return Err(DraftError::input("sizes_differ", detail));
+            return Err(DraftError::input(FailureCode::SizesDiffer, detail));
         }
     }
-    Ok(check_size(views.len(), first.width_px, first.height_px, options, threads)?)
+    check_memory(views.len(), (first.width_px, first.height_px), options, threads)
+}
+
+/// What a reconstruction may hold in memory at once, bytes.
+const MAX_WORKING_BYTES: u64 = 8 << 30;
+
+/// Holds the memory that `views` of one size would take against the limit.
+fn check_memory(
+    views: usize,
+    size: (u32, u32),
+    options: &Options,
+    threads: usize,
+) -> Result<(), DraftError> {
+    let needed = options.working_bytes(views, size, threads);
+    if needed <= MAX_WORKING_BYTES {
+        return Ok(());
+    }
+    let code = FailureCode::TooLarge;
+    let detail = format!(
+        "the views and options need about {needed} bytes of memory, over the limit of {MAX_WORKING_BYTES}; {}",
+        code.remedy()
+    );
+    Err(DraftError::input(code, detail))
 }
 
 fn decode(
@@ -118,8 +146,9 @@ fn decode(
     limits: &ImageLimits,
 ) -> Result<View, DraftError> {
     let decode = |name: &str, bytes: &[u8]| {
-        sheet::decode(bytes, limits)
-            .map_err(|error| DraftError::input("invalid_image", format!("image {name} {error}")))
+        picture::decode(bytes, limits).map_err(|error| {
+            DraftError::input(FailureCode::InvalidImage, format!("image {name} {error}"))
+        })
     };
     let drawing = decode(&view.document.image, &view.drawing)?;
     let mask = match (&view.mask, &view.document.mask) {
@@ -132,4 +161,30 @@ fn decode(
         image: drawing.gray,
         mask,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use uncalibrated::options::{DisparityOptions, SgbmMode};
+
+    use super::super::options::Method;
+    use super::*;
+
+    #[test]
+    fn a_usual_sheet_fits_and_a_huge_one_is_refused() {
+        let turntable = Options::default();
+        assert!(check_memory(19, (1920, 1080), &turntable, 8).is_ok());
+        assert!(check_memory(64, (8000, 8000), &turntable, 8).is_err());
+        let options = Options { method: Method::Uncalibrated, ..turntable };
+        assert!(check_memory(64, (1920, 1080), &options, 8).is_ok());
+        assert!(check_memory(64, (8000, 8000), &options, 2).is_err());
+        let disparity = DisparityOptions {
+            mode: SgbmMode::EightPath,
+            num_disparities: 1024,
+            ..DisparityOptions::default()
+        };
+        let options = Options { disparity, ..options };
+        let error = check_memory(3, (4000, 3000), &options, 1).unwrap_err();
+        assert!(matches!(error, DraftError::Input { code: FailureCode::TooLarge, .. }), "{error}");
+    }
 }

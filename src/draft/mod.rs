@@ -1,77 +1,33 @@
 //! The main job: a sheet document and its image bytes in, artifacts out.
 
-mod carrier;
 mod decode;
-mod export;
-mod outbox;
+mod error;
+mod exporter;
+pub mod options;
+mod report;
 mod timing;
 mod truth;
 mod turntable;
-mod turntable_export;
+mod uncalibrated;
 
 use std::io;
 use std::thread;
 
+use artifacts::{ArtifactSink, Delivery};
+use picture::ImageLimits;
+use progress::{Observer, Silent};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use serde::{Deserialize, Serialize};
+use sheet::{Sheet, SheetDocument};
 
-use crate::export::{ArtifactSink, EncodeError};
-use crate::options::{self, Method, Options};
-use crate::pipeline::{Cancelled, Observer, PipelineError, measure, reconstruct};
-use crate::sheet::{ImageLimits, Sheet, SheetDocument};
-
-pub use carrier::Carrier;
+use crate::failure_code::FailureCode;
 use decode::decode_sheet;
-use export::Exporter;
+use options::{Method, Options};
 use timing::Timed;
 use truth::Truths;
-use turntable_export::TurntableExporter;
 
+pub use error::DraftError;
 pub use truth::true_model;
-pub use turntable::TurntableDraft;
-
-/// Why there is no draft.
-#[derive(Debug, thiserror::Error)]
-pub enum DraftError {
-    /// The input is to blame: trying again cannot help.
-    #[error("{detail}")]
-    Input {
-        /// Stable name, such as `no_usable_pair`.
-        code: &'static str,
-        /// What happened and how to mend it.
-        detail: String,
-    },
-    #[error(transparent)]
-    Cancelled(#[from] Cancelled),
-    /// Inputs could not be read or artifacts not be written.
-    #[error(transparent)]
-    Io(#[from] io::Error),
-    /// Our own fault.
-    #[error("{0}")]
-    Internal(String),
-}
-
-impl DraftError {
-    fn input(code: &'static str, detail: impl ToString) -> Self {
-        Self::Input { code, detail: detail.to_string() }
-    }
-}
-
-impl From<PipelineError> for DraftError {
-    fn from(error: PipelineError) -> Self {
-        match error {
-            PipelineError::Cancelled(cancelled) => Self::Cancelled(cancelled),
-            PipelineError::NoThreads { .. } => Self::Internal(error.to_string()),
-            _ => Self::input(error.code(), error),
-        }
-    }
-}
-
-impl From<EncodeError> for DraftError {
-    fn from(error: EncodeError) -> Self {
-        Self::Internal(error.to_string())
-    }
-}
 
 /// What came out, in a few numbers; the metrics artifact has the rest.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -117,35 +73,54 @@ pub fn produce(
     let inputs = (read, limits, &options.evaluation);
     let truths = Truths::read(document, &sheet, inputs, &pool, &timed.decoding())?;
     let (truths, timed) = (truths.as_ref(), &timed);
-    let run = Run { sheet: &sheet, options: &options, truths, pool: &pool, threads, timed };
+    let run =
+        Run { document, sheet: &sheet, options: &options, truths, pool: &pool, threads, timed };
     thread::scope(|scope| {
-        let carrier = Carrier::start(scope, sink);
+        let delivery = Delivery::start(scope, sink);
         match options.method {
-            Method::Uncalibrated => uncalibrated(&run, carrier),
-            Method::Turntable => turntable(&run, document, carrier),
+            Method::Uncalibrated => uncalibrated::run(&run, delivery),
+            Method::Turntable => turntable::run(&run, delivery),
         }
     })
 }
 
-/// What the method `turntable` finds, without artifacts; see [`produce`].
-///
-/// # Errors
-/// As [`produce`].
-pub fn turntable_draft(
-    document: &SheetDocument,
-    read: ReadImage<'_>,
-    limits: &ImageLimits,
-    threads: usize,
-    observer: &dyn Observer,
-) -> Result<TurntableDraft, DraftError> {
-    let options = options_of(document)?;
-    let pool = pool(threads)?;
-    let sheet = decode_sheet(document, &options, read, limits, &pool, observer)?;
-    turntable::compute(&sheet, document, &options, &pool, observer)
+/// A decoded sheet, to try the method `turntable` on without artifacts.
+pub struct Decoded<'a> {
+    document: &'a SheetDocument,
+    sheet: Sheet,
+    options: Options,
+    pool: ThreadPool,
+}
+
+impl<'a> Decoded<'a> {
+    /// Decodes a sheet; see [`produce`].
+    ///
+    /// # Errors
+    /// As [`produce`].
+    pub fn read(
+        document: &'a SheetDocument,
+        read: ReadImage<'_>,
+        limits: &ImageLimits,
+        threads: usize,
+    ) -> Result<Self, DraftError> {
+        let (options, pool) = (options_of(document)?, pool(threads)?);
+        let sheet = decode_sheet(document, &options, read, limits, &pool, &Silent)?;
+        Ok(Self { document, sheet, options, pool })
+    }
+
+    /// What the method finds.
+    ///
+    /// # Errors
+    /// As [`produce`].
+    pub fn turntable(&self) -> Result<::turntable::Draft<'_>, DraftError> {
+        let (sheet, holes, own) = (&self.sheet, &self.document.holes, &self.options.turntable);
+        Ok(self.pool.install(|| ::turntable::reconstruct(sheet, holes, own, &Silent))?)
+    }
 }
 
 /// What both methods work from.
 struct Run<'a> {
+    document: &'a SheetDocument,
     sheet: &'a Sheet,
     options: &'a Options,
     truths: Option<&'a Truths<'a>>,
@@ -154,68 +129,16 @@ struct Run<'a> {
     timed: &'a Timed<'a>,
 }
 
-fn uncalibrated(run: &Run<'_>, carrier: Carrier<'_>) -> Result<Summary, DraftError> {
-    let Run { sheet, options, truths, pool, threads, timed } = *run;
-    let reconstruction = reconstruct(sheet, options, threads, &timed.reconstructing())?;
-    timed.computed();
-    let (width_px, height_px) =
-        sheet.views().first().map_or((0, 0), |view| view.image.dimensions());
-    let metrics = measure(&reconstruction, width_px, height_px);
-    let exporting = timed.exporting();
-    let truth = export::against_truth(&reconstruction, truths, pool, &exporting)?;
-    let mut exporter = Exporter::new(sheet, &reconstruction, options, pool, &exporting, carrier);
-    exporter.views()?;
-    exporter.pairs()?;
-    exporter.cloud()?;
-    exporter.mesh()?;
-    exporter.metrics(&metrics, truth.as_ref())?;
-    Ok(Summary {
-        views: sheet.views().len(),
-        pairs: reconstruction.pairs.len(),
-        usable_pairs: reconstruction.usable_pairs().count(),
-        artifacts: exporter.finish(timed, threads)?,
-        warnings: metrics.warnings,
-    })
-}
-
-fn turntable(
-    run: &Run<'_>,
-    document: &SheetDocument,
-    carrier: Carrier<'_>,
-) -> Result<Summary, DraftError> {
-    let Run { sheet, options, truths, pool, threads, timed } = *run;
-    let draft = turntable::compute(sheet, document, options, pool, &timed.reconstructing())?;
-    timed.computed();
-    let metrics = turntable_export::measure(&draft, options);
-    let exporting = timed.exporting();
-    let truth = turntable_export::against_truth(&draft, truths, pool, &exporting)?;
-    let mut exporter = TurntableExporter::new(&draft, options, pool, &exporting, carrier)?;
-    exporter.views()?;
-    exporter.mesh()?;
-    exporter.metrics(&metrics, truth.as_ref())?;
-    Ok(Summary {
-        views: sheet.views().len(),
-        pairs: 0,
-        usable_pairs: 0,
-        artifacts: exporter.finish(timed, threads)?,
-        warnings: metrics.warnings,
-    })
-}
-
 fn options_of(document: &SheetDocument) -> Result<Options, DraftError> {
     match &document.options {
         None => Ok(Options::default()),
-        Some(value) => {
-            options::parse(value).map_err(|problems| DraftError::input("invalid_options", problems))
-        }
+        Some(value) => options::parse(value)
+            .map_err(|problems| DraftError::input(FailureCode::InvalidOptions, problems)),
     }
 }
 
 fn pool(threads: usize) -> Result<ThreadPool, DraftError> {
-    ThreadPoolBuilder::new()
-        .num_threads(threads.max(1))
-        .build()
-        .map_err(|error| DraftError::Internal(error.to_string()))
+    ThreadPoolBuilder::new().num_threads(threads.max(1)).build().map_err(DraftError::internal)
 }
 
 #[cfg(test)]

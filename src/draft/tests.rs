@@ -8,9 +8,9 @@ use imageproc::drawing::draw_line_segment_mut;
 use serde_json::{Value, json};
 
 use super::*;
-use crate::export::{Artifact, ArtifactName, ArtifactWriter};
-use crate::pipeline::{Progress, Silent};
-use crate::sheet::ViewDocument;
+use artifacts::{Artifact, ArtifactName, ArtifactWriter};
+use progress::{Progress, Silent};
+use sheet::ViewDocument;
 
 const WIDTH: u32 = 240;
 const HEIGHT: u32 = 180;
@@ -137,7 +137,7 @@ impl ArtifactWriter for Growing {
 
 pub(super) fn input_error(document: &SheetDocument, files: &Files) -> (&'static str, String) {
     match run(document, files, 2, &Silent) {
-        Err(DraftError::Input { code, detail }) => (code, detail),
+        Err(DraftError::Input { code, detail }) => (code.name(), detail),
         other => panic!("expected an input error, got {other:?}"),
     }
 }
@@ -220,10 +220,7 @@ fn neither_threads_nor_the_order_of_views_change_a_byte() {
 fn affine_depth_is_another_relation_over_the_same_disparity() {
     let (mut document, files) = sheet(&[0.0, 5.0, 10.0]);
     let (_, inverse) = run(&document, &files, 2, &Silent).unwrap();
-    crate::options::merge(
-        document.options.as_mut().unwrap(),
-        json!({"cloud": {"depth": "affine"}}),
-    );
+    ::options::merge(document.options.as_mut().unwrap(), json!({"cloud": {"depth": "affine"}}));
     let (_, affine) = run(&document, &files, 2, &Silent).unwrap();
     let bytes = |artifacts: &[Artifact], name: &str| {
         artifacts.iter().find(|artifact| artifact.name == name).unwrap().bytes.clone()
@@ -308,7 +305,7 @@ fn one_bad_view_costs_only_its_pairs() {
 fn later_tries_are_reported_when_the_threshold_is_out_of_reach() {
     let (mut document, files) = sheet(&[0.0, 5.0, 10.0]);
     let never = json!({"epipolar": {"tries": 3, "max_mean_sampson_px2": 0.0}});
-    crate::options::merge(document.options.as_mut().unwrap(), never);
+    ::options::merge(document.options.as_mut().unwrap(), never);
     let (summary, artifacts) = run(&document, &files, 2, &Silent).unwrap();
     let metrics = metrics(&artifacts);
     let tries = metrics["pairs"][0]["tries"].as_array().unwrap();

@@ -1,9 +1,11 @@
+//! How long each stage of a job takes.
+
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use serde::Serialize;
 
-use crate::pipeline::{Observer, Progress, Stage};
+use progress::{Observer, Progress, Share, Stage};
 
 /// Where decoding ends and exporting begins within the whole work, as measured
 /// on sheets of 19 views.
@@ -43,28 +45,28 @@ struct Ends {
 }
 
 impl<'a> Timed<'a> {
-    pub fn new(observer: &'a dyn Observer) -> Self {
+    pub(super) fn new(observer: &'a dyn Observer) -> Self {
         Self { observer, started: Instant::now(), ends: Mutex::default() }
     }
 
-    pub fn decoding(&self) -> Part<'_> {
-        Part { timed: self, start: 0.0, end: DECODED }
+    pub(super) fn decoding(&self) -> Share<'_> {
+        Share::new(self, 0.0, DECODED)
     }
 
-    pub fn reconstructing(&self) -> Part<'_> {
-        Part { timed: self, start: DECODED, end: COMPUTED }
+    pub(super) fn reconstructing(&self) -> Share<'_> {
+        Share::new(self, DECODED, COMPUTED)
     }
 
-    pub fn exporting(&self) -> Part<'_> {
-        Part { timed: self, start: COMPUTED, end: 1.0 }
+    pub(super) fn exporting(&self) -> Share<'_> {
+        Share::new(self, COMPUTED, 1.0)
     }
 
     /// Computing is over; what follows is export.
-    pub fn computed(&self) {
+    pub(super) fn computed(&self) {
         self.ends().computed = self.started.elapsed();
     }
 
-    pub fn timings(&self, threads: usize) -> Timings {
+    pub(super) fn timings(&self, threads: usize) -> Timings {
         let total = self.started.elapsed();
         let ends = self.ends();
         let begins = [Duration::ZERO].into_iter().chain(ends.stages.iter().map(|(_, end)| *end));
@@ -85,28 +87,20 @@ impl<'a> Timed<'a> {
     }
 }
 
-/// A part of the work whose own progress runs from 0 to 1.
-pub(super) struct Part<'a> {
-    timed: &'a Timed<'a>,
-    start: f64,
-    end: f64,
-}
-
-impl Observer for Part<'_> {
-    fn progress(&self, mut progress: Progress) {
-        let now = self.timed.started.elapsed();
+impl Observer for Timed<'_> {
+    fn progress(&self, progress: Progress) {
+        let now = self.started.elapsed();
         {
-            let mut ends = self.timed.ends();
+            let mut ends = self.ends();
             match ends.stages.last_mut().filter(|(stage, _)| *stage == progress.stage) {
                 Some((_, end)) => *end = now,
                 None => ends.stages.push((progress.stage, now)),
             }
         }
-        progress.fraction = self.start + (self.end - self.start) * progress.fraction;
-        self.timed.observer.progress(progress);
+        self.observer.progress(progress);
     }
 
     fn is_cancelled(&self) -> bool {
-        self.timed.observer.is_cancelled()
+        self.observer.is_cancelled()
     }
 }

@@ -4,15 +4,18 @@ use rayon::ThreadPool;
 use rayon::prelude::*;
 
 use super::{DraftError, ReadImage};
-use crate::evaluation::{
-    ModelReport, RawTruth, SolidOptions, TruthReport, ViewComparison, ViewTruth, ViewTruthReport,
-    compare_model, decode_truth, has_values,
+use crate::failure_code::FailureCode;
+use evaluation::EvaluationOptions;
+use evaluation::{
+    ComparisonOptions, ModelReport, RawTruth, TruthReport, ViewComparison, ViewTruth,
+    ViewTruthReport, compare_model, decode_truth, has_values,
 };
-use crate::geometry::Mesh;
-use crate::model_io::{self, ModelFormat};
-use crate::options::EvaluationOptions;
-use crate::pipeline::Observer;
-use crate::sheet::{Azimuth, ImageLimits, Sheet, SheetDocument, TruthKind};
+use frames::Azimuth;
+use mesh::Mesh;
+use mesh::read::{self, ModelFormat};
+use picture::ImageLimits;
+use progress::Observer;
+use sheet::{Sheet, SheetDocument, TruthKind};
 
 /// The truth that a document names. Its pictures are decoded when they are
 /// needed and not kept: a sheet's would take as much memory as its drawings.
@@ -20,7 +23,7 @@ pub(super) struct Truths<'a> {
     document: &'a SheetDocument,
     read: ReadImage<'a>,
     limits: &'a ImageLimits,
-    options: SolidOptions,
+    options: ComparisonOptions,
     /// By rising azimuth.
     views: Vec<NamedTruth<'a>>,
     model: Option<(Mesh, f64)>,
@@ -41,7 +44,7 @@ impl<'a> Truths<'a> {
     /// # Errors
     /// [`DraftError::Input`] for a picture that cannot be decoded, has no value
     /// or another size than its view, and for a model that cannot be read.
-    pub fn read(
+    pub(super) fn read(
         document: &'a SheetDocument,
         sheet: &Sheet,
         (read, limits, options): (ReadImage<'a>, &'a ImageLimits, &EvaluationOptions),
@@ -53,10 +56,10 @@ impl<'a> Truths<'a> {
         if views.is_empty() && model.is_none() {
             return Ok(None);
         }
-        let options = SolidOptions {
+        let options = ComparisonOptions {
             grid_cells: options.grid_cells as usize,
             samples: options.samples as usize,
-            ..SolidOptions::default()
+            ..ComparisonOptions::default()
         };
         let truths = Self { document, read, limits, options, views, model };
         let checked: Vec<_> = pool.install(|| {
@@ -75,7 +78,10 @@ impl<'a> Truths<'a> {
     fn check(&self, view: &NamedTruth<'_>, sheet: &Sheet) -> Result<(), DraftError> {
         let (raw, truth) = self.decode(view)?;
         let refuse = |what: String| {
-            Err(DraftError::input("invalid_truth", format!("picture {} {what}", view.name)))
+            Err(DraftError::input(
+                FailureCode::InvalidTruth,
+                format!("picture {} {what}", view.name),
+            ))
         };
         let size = raw.values.dimensions();
         let drawing = sheet.views().iter().find(|drawn| drawn.azimuth == view.azimuth);
@@ -95,7 +101,7 @@ impl<'a> Truths<'a> {
 
     fn decode(&self, view: &NamedTruth<'_>) -> Result<(RawTruth, ViewTruth), DraftError> {
         let raw = decode_truth(&(self.read)(view.name)?, self.limits).map_err(|error| {
-            DraftError::input("invalid_truth", format!("picture {} {error}", view.name))
+            DraftError::input(FailureCode::InvalidTruth, format!("picture {} {error}", view.name))
         })?;
         let truth = raw.of_sheet(view.kind, self.document);
         Ok((raw, truth))
@@ -105,7 +111,7 @@ impl<'a> Truths<'a> {
     ///
     /// * `compare`: measures the view at an azimuth against its truth.
     /// * `mesh`: turntable frame, px; or why there is none.
-    pub fn evaluate(
+    pub(super) fn evaluate(
         &self,
         compare: &(dyn Fn(Azimuth, &ViewTruth) -> Result<ViewComparison, DraftError> + Sync),
         mesh: Result<&Mesh, String>,
@@ -139,10 +145,10 @@ fn named_truths(document: &SheetDocument) -> Result<Vec<NamedTruth<'_>>, DraftEr
     for view in &document.views {
         let Some((kind, name)) = view.truth() else { continue };
         let azimuth = Azimuth::from_degrees(view.azimuth_deg)
-            .map_err(|error| DraftError::input("invalid_azimuth", error))?;
+            .map_err(|error| DraftError::input(FailureCode::InvalidAzimuth, error))?;
         if view.depth.is_some() && view.disparity.is_some() {
             let detail = format!("view {azimuth} has a true depth and a true disparity; name one");
-            return Err(DraftError::input("invalid_truth", detail));
+            return Err(DraftError::input(FailureCode::InvalidTruth, detail));
         }
         views.push(NamedTruth { azimuth, kind, name });
     }
@@ -162,7 +168,7 @@ pub fn true_model(
     let truth = document.truth.as_ref();
     let Some(name) = truth.and_then(|truth| truth.model.as_deref()) else { return Ok(None) };
     let refuse = |what: &dyn std::fmt::Display| {
-        DraftError::input("invalid_truth", format!("model {name}: {what}"))
+        DraftError::input(FailureCode::InvalidTruth, format!("model {name}: {what}"))
     };
     let format = ModelFormat::from_file_name(name)
         .ok_or_else(|| refuse(&"the name's ending is none of glb, gltf, obj, ply, stl"))?;
@@ -171,26 +177,25 @@ pub fn true_model(
         .filter(|pixels| pixels.is_finite() && *pixels > 0.0)
         .ok_or_else(|| refuse(&"the sheet gives no pixels_per_unit"))?;
     let up_axis = truth.and_then(|truth| truth.model_up_axis);
-    let model = model_io::load(&read(name)?, format, up_axis, &model_io::Limits::default())
+    let model = read::load(&read(name)?, format, up_axis, &read::Limits::default())
         .map_err(|error| refuse(&error))?;
     Ok(Some((model.mesh, pixels_per_unit)))
 }
 
 #[cfg(test)]
 mod tests {
-    use std::ops::ControlFlow;
-
     use serde_json::{Value, json};
 
     use super::super::tests::{Files, input_error, metrics, run, sheet};
     use super::*;
-    use crate::draw::{DrawError, DrawOptions, PreparedModel, SheetLimits, draw_sheet};
-    use crate::evaluation::{ViewTruth, disparity_from_depth, disparity_from_pairs, evaluate_view};
-    use crate::export::Artifact;
-    use crate::float_image::{FloatImage, decode_pfm, encode_pfm};
-    use crate::models::ProceduralModel;
-    use crate::pipeline::Silent;
-    use crate::sheet::{Azimuth, TruthDocument};
+    use artifacts::Artifact;
+    use drawing::{DrawError, DrawOptions, PreparedModel, SheetLimits, draw_sheet};
+    use evaluation::{ViewTruth, disparity_from_depth, disparity_from_pairs, evaluate_view};
+    use frames::Azimuth;
+    use mesh::builtin::ProceduralModel;
+    use picture::{FloatImage, decode_pfm, encode_pfm};
+    use progress::Silent;
+    use sheet::TruthDocument;
 
     const BOX: &str = "v -70 -45 -85\nv 70 -45 -85\nv 0 60 -85\nv 0 0 80\n\
                        f 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n";
@@ -206,7 +211,7 @@ mod tests {
     fn with_truth() -> (SheetDocument, Files) {
         let (mut document, mut files) = sheet(&[0.0, 5.0, 10.0]);
         let options = json!({"evaluation": {"grid_cells": 40, "samples": 2000}});
-        crate::options::merge(document.options.get_or_insert_default(), options);
+        options::merge(document.options.get_or_insert_default(), options);
         document.pixels_per_unit = Some(1.0);
         document.views[1].depth = Some("5.pfm".to_owned());
         document.truth = Some(TruthDocument {
@@ -230,8 +235,8 @@ mod tests {
             files.insert(file.name, file.bytes.into());
             Ok(())
         };
-        let (limits, go_on) = (SheetLimits::default(), |_| ControlFlow::Continue(()));
-        draw_sheet(&prepared, &azimuths, &small, &limits, &go_on, &mut keep).unwrap();
+        let limits = SheetLimits::default();
+        draw_sheet(&prepared, &azimuths, &small, &limits, &Silent, &mut keep).unwrap();
         let mut document: SheetDocument = serde_json::from_slice(&files["sheet.json"]).unwrap();
         document.options = Some(options);
         (document, files)

@@ -8,8 +8,8 @@ use super::tests::{
     Files, Watcher, input_error, metrics, png, run, sheet_of as uncalibrated_sheet, without_timings,
 };
 use super::*;
-use crate::export::Artifact;
-use crate::pipeline::Silent;
+use artifacts::Artifact;
+use progress::Silent;
 
 const SIDE: u32 = 128;
 /// Half extents of the box that the tests draw, px.

@@ -13,14 +13,14 @@ use super::problem::{PRECONDITION_FAILED, Problem, RANGE_NOT_SATISFIABLE, UNKNOW
 use super::range::{Selection, select};
 use super::representation::{ArtifactList, ArtifactSummary};
 use super::resource::{Id, Resource, find, unless_known};
-use crate::artifacts::{ByteError, Key};
-use crate::jobs::{ArtifactEntry, Job, JobId};
+use jobs::bytes::{ByteError, Key};
+use jobs::{ArtifactEntry, Job, JobId};
 
 /// Id and artifact name in a path.
-pub type IdAndName = Result<Path<(String, String)>, PathRejection>;
+pub(super) type IdAndName = Result<Path<(String, String)>, PathRejection>;
 
 /// Answers what there is of a job.
-pub async fn list<R: Resource>(
+pub(super) async fn list<R: Resource>(
     api: &Api,
     id: JobId,
     headers: &HeaderMap,
@@ -32,7 +32,7 @@ pub async fn list<R: Resource>(
 }
 
 /// Answers the bytes of the artifact that the path names.
-pub async fn named<R: Resource>(
+pub(super) async fn named<R: Resource>(
     api: &Api,
     path: IdAndName,
     method: &Method,
@@ -44,7 +44,7 @@ pub async fn named<R: Resource>(
 }
 
 /// Answers an artifact's bytes, or the range of them that the client asks for.
-pub async fn serve<R: Resource>(
+pub(super) async fn serve<R: Resource>(
     api: &Api,
     id: JobId,
     name: &str,

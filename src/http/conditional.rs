@@ -6,24 +6,24 @@ use axum::http::{HeaderMap, HeaderName};
 use axum_extra::headers::{ETag, HeaderMapExt, IfMatch, IfNoneMatch};
 
 /// The longest wait that a client may ask for.
-pub const MAX_WAIT: Duration = Duration::from_secs(60);
+pub(super) const MAX_WAIT: Duration = Duration::from_secs(60);
 
-pub const PREFER: HeaderName = HeaderName::from_static("prefer");
-pub const PREFERENCE_APPLIED: HeaderName = HeaderName::from_static("preference-applied");
+pub(super) const PREFER: HeaderName = HeaderName::from_static("prefer");
+pub(super) const PREFERENCE_APPLIED: HeaderName = HeaderName::from_static("preference-applied");
 
 /// Whether the client has this version already.
-pub fn is_known(headers: &HeaderMap, etag: &ETag) -> bool {
+pub(super) fn is_known(headers: &HeaderMap, etag: &ETag) -> bool {
     headers.typed_get::<IfNoneMatch>().is_some_and(|known| !known.precondition_passes(etag))
 }
 
 /// Whether the client asks for versions that do not include this one.
-pub fn is_unwanted(headers: &HeaderMap, etag: &ETag) -> bool {
+pub(super) fn is_unwanted(headers: &HeaderMap, etag: &ETag) -> bool {
     headers.typed_get::<IfMatch>().is_some_and(|wanted| !wanted.precondition_passes(etag))
 }
 
 /// How long the client prefers to wait (RFC 7240), whole seconds, at most
 /// [`MAX_WAIT`]. What cannot be read is ignored, as the RFC has it.
-pub fn preferred_wait(headers: &HeaderMap) -> Option<Duration> {
+pub(super) fn preferred_wait(headers: &HeaderMap) -> Option<Duration> {
     let values = headers.get_all(PREFER).iter().filter_map(|value| value.to_str().ok());
     let seconds = values.flat_map(|value| value.split(',')).find_map(|preference| {
         let preference = preference.split(';').next().unwrap_or_default();

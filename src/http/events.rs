@@ -13,12 +13,12 @@ use super::Api;
 use super::problem::Problem;
 use super::resource::{Resource, find};
 use super::wait::Watch;
-use crate::jobs::{Event, EventKind, JobId, StoreError};
+use jobs::{Event, EventKind, JobId, StoreError};
 
 const KEEP_ALIVE: Duration = Duration::from_secs(15);
 
 /// Answers the events of a job from the one after `Last-Event-ID` to the final one.
-pub async fn stream<R: Resource>(
+pub(super) async fn stream<R: Resource>(
     api: Arc<Api>,
     id: JobId,
     headers: &HeaderMap,

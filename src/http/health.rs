@@ -13,8 +13,8 @@ use uuid::Uuid;
 use super::Api;
 use super::openapi::problem_responses;
 use super::problem::{Problem, UNAVAILABLE};
-use crate::artifacts::Key;
-use crate::jobs::JobId;
+use jobs::JobId;
+use jobs::bytes::Key;
 
 const PROBE_TIMEOUT: Duration = Duration::from_secs(5);
 
@@ -22,7 +22,7 @@ problem_responses! { ReadyProblems: UNAVAILABLE }
 
 /// How the service is.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Health {
+pub(super) struct Health {
     #[schema(example = "ok")]
     pub status: &'static str,
     /// Version of the service.
@@ -39,7 +39,7 @@ const OK: Health = Health { status: "ok", version: env!("CARGO_PKG_VERSION") };
     tag = "service",
     responses((status = 200, description = "It does", body = Health))
 )]
-pub async fn live() -> Json<Health> {
+pub(super) async fn live() -> Json<Health> {
     Json(OK)
 }
 
@@ -53,7 +53,7 @@ pub async fn live() -> Json<Health> {
     tag = "service",
     responses((status = 200, description = "It can", body = Health), ReadyProblems)
 )]
-pub async fn ready(State(api): State<Arc<Api>>) -> Result<Json<Health>, Problem> {
+pub(super) async fn ready(State(api): State<Arc<Api>>) -> Result<Json<Health>, Problem> {
     if api.state.shutdown.is_cancelled() {
         return Err(Problem::new(UNAVAILABLE, "the service is shutting down"));
     }
@@ -79,7 +79,7 @@ pub async fn ready(State(api): State<Arc<Api>>) -> Result<Json<Health>, Problem>
     responses((status = 200, description = "Prometheus text format", body = String,
                content_type = "text/plain"), ReadyProblems)
 )]
-pub async fn metrics(State(api): State<Arc<Api>>) -> Result<impl IntoResponse, Problem> {
+pub(super) async fn metrics(State(api): State<Arc<Api>>) -> Result<impl IntoResponse, Problem> {
     let counts = api.state.store.counts().await?;
     for (state, count) in [
         ("queued", counts.queued),

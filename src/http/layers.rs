@@ -17,7 +17,7 @@ use super::{problem, telemetry};
 const X_REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 
 /// Lays around every route what all requests go through, outermost first.
-pub fn wrap<S: Clone + Send + Sync + 'static>(
+pub(super) fn wrap<S: Clone + Send + Sync + 'static>(
     router: Router<S>,
     cors: Option<CorsLayer>,
 ) -> Router<S> {
@@ -49,7 +49,7 @@ fn span(request: &Request) -> Span {
 }
 
 /// Lets the pages of `origins` use the service; none of them means no layer.
-pub fn cors(origins: &[String]) -> Option<CorsLayer> {
+pub(super) fn cors(origins: &[String]) -> Option<CorsLayer> {
     if origins.is_empty() {
         return None;
     }

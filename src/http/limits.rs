@@ -1,8 +1,8 @@
 use std::time::Duration;
 
-use crate::draw::SheetLimits;
-use crate::model_io;
-use crate::sheet::ImageLimits;
+use drawing::SheetLimits;
+use mesh::read;
+use picture::ImageLimits;
 
 /// What one client may ask of the service.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -10,7 +10,7 @@ pub struct HttpLimits {
     /// Each drawing, mask and picture of true values.
     pub image: ImageLimits,
     /// A true model, or one to draw.
-    pub model: model_io::Limits,
+    pub model: read::Limits,
     /// A sheet to draw.
     pub sheet: SheetLimits,
     /// A whole upload, bytes.
@@ -33,7 +33,7 @@ impl Default for HttpLimits {
     fn default() -> Self {
         Self {
             image: ImageLimits::default(),
-            model: model_io::Limits {
+            model: read::Limits {
                 max_bytes: 64 << 20,
                 max_vertices: 3_000_000,
                 max_triangles: 1_000_000,

@@ -9,9 +9,10 @@ use utoipa::openapi::{ContentBuilder, Ref, RefOr, Response, ResponseBuilder};
 
 use super::problem::{ProblemDocument, ProblemType};
 use super::router::routes;
-use crate::draw::DrawOptions;
-use crate::options::{self, OptionSet, Schema};
-use crate::sheet::SheetDocument;
+use crate::draft;
+use drawing::DrawOptions;
+use options::{OptionSet, Schema};
+use sheet::SheetDocument;
 
 #[derive(OpenApi)]
 #[openapi(
@@ -27,7 +28,7 @@ use crate::sheet::SheetDocument;
         (name = "service", description = "The service itself"),
     )
 )]
-pub struct Description;
+pub(super) struct Description;
 
 /// Says which problems an operation answers with.
 macro_rules! problem_responses {
@@ -47,7 +48,7 @@ macro_rules! problem_responses {
 pub(super) use problem_responses;
 
 /// One response a status, which names its kinds of problem.
-pub fn responses_of(kinds: &[ProblemType]) -> BTreeMap<String, RefOr<Response>> {
+pub(super) fn responses_of(kinds: &[ProblemType]) -> BTreeMap<String, RefOr<Response>> {
     let mut by_status: BTreeMap<String, Vec<String>> = BTreeMap::new();
     for kind in kinds {
         let line = format!("`{}`: {}", kind.uri(), kind.title);
@@ -68,12 +69,12 @@ pub fn responses_of(kinds: &[ProblemType]) -> BTreeMap<String, RefOr<Response>> 
 }
 
 /// For fields that hold the options of a reconstruction.
-pub fn options_reference() -> Ref {
+pub(super) fn options_reference() -> Ref {
     Ref::from_schema_name("Options")
 }
 
 /// For fields that hold the options of a drawn sheet.
-pub fn sheet_options_reference() -> Ref {
+pub(super) fn sheet_options_reference() -> Ref {
     Ref::from_schema_name("SheetOptions")
 }
 
@@ -99,7 +100,7 @@ fn foreign_schemas() -> Map<String, Value> {
         "description": "Options, nested by stage."
     });
     let schemas = [
-        ("Options", options::schema().clone()),
+        ("Options", draft::options::schema().clone()),
         ("SheetOptions", DrawOptions::schema().document.clone()),
         ("SheetDocument", sheet),
         ("Upload", upload_schema()),

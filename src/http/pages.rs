@@ -10,8 +10,9 @@ use utoipa_swagger_ui::{Config, SwaggerUi};
 
 use super::openapi::{openapi, problem_responses};
 use super::problem::{self, NOT_FOUND, Problem, ProblemType};
-use crate::draw::DrawOptions;
-use crate::options::{self, OptionSet};
+use crate::draft;
+use drawing::DrawOptions;
+use options::OptionSet;
 
 problem_responses! { PageProblems: NOT_FOUND }
 
@@ -24,8 +25,8 @@ problem_responses! { PageProblems: NOT_FOUND }
     responses((status = 200, description = "JSON Schema, draft 2020-12", body = Object,
                content_type = "application/schema+json"))
 )]
-pub async fn options() -> Response {
-    json("application/schema+json", options::schema())
+pub(super) async fn options() -> Response {
+    json("application/schema+json", draft::options::schema())
 }
 
 /// Every option of a drawn sheet: type, range, unit, default and meaning.
@@ -37,7 +38,7 @@ pub async fn options() -> Response {
     responses((status = 200, description = "JSON Schema, draft 2020-12", body = Object,
                content_type = "application/schema+json"))
 )]
-pub async fn sheet_options() -> Response {
+pub(super) async fn sheet_options() -> Response {
     json("application/schema+json", &DrawOptions::schema().document)
 }
 
@@ -49,7 +50,7 @@ pub async fn sheet_options() -> Response {
     tag = "service",
     responses((status = 200, description = "OpenAPI 3.1", body = Object))
 )]
-pub async fn description() -> Response {
+pub(super) async fn description() -> Response {
     static DESCRIPTION: LazyLock<Value> = LazyLock::new(openapi);
     json("application/json", &DESCRIPTION)
 }
@@ -69,7 +70,7 @@ fn json(media_type: &'static str, value: &Value) -> Response {
     responses((status = 200, description = "A short page", body = String,
                content_type = "text/html"), PageProblems)
 )]
-pub async fn problem(Path(name): Path<String>) -> Result<Html<String>, Problem> {
+pub(super) async fn problem(Path(name): Path<String>) -> Result<Html<String>, Problem> {
     let kind = ProblemType::named(&name).ok_or_else(|| {
         Problem::new(NOT_FOUND, "there is no such kind of problem; /problems lists all")
     })?;
@@ -91,7 +92,7 @@ pub async fn problem(Path(name): Path<String>) -> Result<Html<String>, Problem> 
     responses((status = 200, description = "A list with links", body = String,
                content_type = "text/html"))
 )]
-pub async fn problems() -> Html<String> {
+pub(super) async fn problems() -> Html<String> {
     let entry = |kind: &ProblemType| {
         format!("<li><a href=\"{}\">{}</a> {}</li>", kind.uri(), kind.title, kind.status.as_u16())
     };
@@ -109,7 +110,7 @@ fn page(title: &str, body: &str) -> Html<String> {
 }
 
 /// The page at `/docs`, with its own copy of Swagger UI.
-pub fn docs() -> SwaggerUi {
+pub(super) fn docs() -> SwaggerUi {
     // Without this, Swagger UI asks a validator on the internet for a badge.
     SwaggerUi::new("/docs").config(Config::from("/openapi.json").validator_url("none"))
 }

@@ -6,7 +6,7 @@ use http_range_header::{EndPosition, StartPosition, SyntacticallyCorrectRange};
 
 /// What a `Range` header asks of content of a certain length.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Selection {
+pub(super) enum Selection {
     /// All of it: no range, one that cannot be read, or several (a server may
     /// answer those with everything).
     Whole,
@@ -16,7 +16,7 @@ pub enum Selection {
 }
 
 /// Reads a `Range` header for content of `length` bytes.
-pub fn select(header: &str, length: u64) -> Selection {
+pub(super) fn select(header: &str, length: u64) -> Selection {
     let Ok(parsed) = http_range_header::parse_range_header(header) else {
         return if is_empty_suffix(header) { Selection::Unsatisfiable } else { Selection::Whole };
     };

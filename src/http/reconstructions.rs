@@ -13,10 +13,10 @@ use super::problem::*;
 use super::representation::{ArtifactList, Reconstruction, ReconstructionList};
 use super::resource::{self, Id, ListParameters, Resource};
 use super::upload::{self, Parts};
-use crate::sheet::RECONSTRUCTION;
+use crate::kinds::RECONSTRUCTION;
 
 /// Sheets on their way to a draft.
-pub struct Reconstructions;
+pub(super) struct Reconstructions;
 
 impl Resource for Reconstructions {
     const KIND: &'static str = RECONSTRUCTION;
@@ -58,7 +58,10 @@ problem_responses! {
         UploadProblems,
     )
 )]
-pub async fn create(State(api): State<Arc<Api>>, request: Request) -> Result<Response, Problem> {
+pub(super) async fn create(
+    State(api): State<Arc<Api>>,
+    request: Request,
+) -> Result<Response, Problem> {
     let job = upload::receive::<Parts>(&api, request).await?;
     resource::accepted::<Reconstructions>(&job)
 }
@@ -76,7 +79,7 @@ pub async fn create(State(api): State<Arc<Api>>, request: Request) -> Result<Res
         ListProblems,
     )
 )]
-pub async fn list(
+pub(super) async fn list(
     State(api): State<Arc<Api>>,
     query: Result<Query<ListParameters>, QueryRejection>,
 ) -> Result<Response, Problem> {
@@ -109,7 +112,7 @@ pub async fn list(
         JobProblems,
     )
 )]
-pub async fn get(
+pub(super) async fn get(
     State(api): State<Arc<Api>>,
     id: Id<Reconstructions>,
     headers: HeaderMap,
@@ -141,7 +144,7 @@ pub async fn get(
         JobProblems,
     )
 )]
-pub async fn events(
+pub(super) async fn events(
     State(api): State<Arc<Api>>,
     id: Id<Reconstructions>,
     headers: HeaderMap,
@@ -164,7 +167,7 @@ pub async fn events(
         CancelProblems,
     )
 )]
-pub async fn cancel(
+pub(super) async fn cancel(
     State(api): State<Arc<Api>>,
     id: Id<Reconstructions>,
 ) -> Result<Response, Problem> {
@@ -180,7 +183,7 @@ pub async fn cancel(
     params(("id" = String, Path, format = "uuid", description = "The reconstruction")),
     responses((status = 204, description = "Deleted"), DeleteProblems)
 )]
-pub async fn delete(
+pub(super) async fn delete(
     State(api): State<Arc<Api>>,
     id: Id<Reconstructions>,
 ) -> Result<StatusCode, Problem> {
@@ -201,7 +204,7 @@ pub async fn delete(
         JobProblems,
     )
 )]
-pub async fn artifacts(
+pub(super) async fn artifacts(
     State(api): State<Arc<Api>>,
     id: Id<Reconstructions>,
     headers: HeaderMap,
@@ -234,7 +237,7 @@ pub async fn artifacts(
         ArtifactProblems,
     )
 )]
-pub async fn artifact(
+pub(super) async fn artifact(
     State(api): State<Arc<Api>>,
     path: IdAndName,
     method: Method,
@@ -258,7 +261,7 @@ pub async fn artifact(
         ArtifactProblems,
     )
 )]
-pub async fn metrics(
+pub(super) async fn metrics(
     State(api): State<Arc<Api>>,
     id: Id<Reconstructions>,
     method: Method,

@@ -9,8 +9,10 @@ use uuid::Uuid;
 use super::openapi::options_reference;
 use super::reconstructions::Reconstructions;
 use super::resource::Resource;
-use crate::jobs::{ArtifactEntry, Failure, Job, JobId, JobState};
-use crate::sheet::{Azimuth, ReconstructionPayload, SheetDocument, ViewDocument};
+use crate::kinds::ReconstructionPayload;
+use frames::Azimuth;
+use jobs::{ArtifactEntry, Failure, Job, JobId, JobState};
+use sheet::{SheetDocument, ViewDocument};
 
 /// A sheet on its way to a 3D draft.
 #[derive(Debug, Serialize, ToSchema)]
@@ -138,7 +140,7 @@ pub struct Links {
 
 /// Part of the listing, newest first.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct ReconstructionList {
+pub(super) struct ReconstructionList {
     pub reconstructions: Vec<Reconstruction>,
     /// The next part; null at the end. Also as the header `Link`.
     #[schema(format = "uri-reference")]
@@ -147,14 +149,14 @@ pub struct ReconstructionList {
 
 /// The results of a job; empty until it has succeeded.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct ArtifactList {
+pub(super) struct ArtifactList {
     pub artifacts: Vec<ArtifactSummary>,
 }
 
 /// One result.
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(as = Artifact)]
-pub struct ArtifactSummary {
+pub(super) struct ArtifactSummary {
     #[schema(example = "views/45/disparity.png")]
     pub name: String,
     #[schema(example = "image/png")]
@@ -231,27 +233,27 @@ impl Links {
 }
 
 /// What lies below a job.
-pub struct Paths {
+pub(super) struct Paths {
     pub this: String,
     state: JobState,
 }
 
 impl Paths {
-    pub fn of<R: Resource>(job: &Job) -> Self {
+    pub(super) fn of<R: Resource>(job: &Job) -> Self {
         Self { this: R::path(job.id), state: job.state }
     }
 
-    pub fn events(&self) -> String {
+    pub(super) fn events(&self) -> String {
         format!("{}/events", self.this)
     }
 
     /// `None` once it is finished.
-    pub fn cancel(&self) -> Option<String> {
+    pub(super) fn cancel(&self) -> Option<String> {
         (!self.state.is_final()).then(|| format!("{}/cancel", self.this))
     }
 
     /// `None` until it has succeeded.
-    pub fn result(&self, name: &str) -> Option<String> {
+    pub(super) fn result(&self, name: &str) -> Option<String> {
         (self.state == JobState::Succeeded).then(|| format!("{}/{name}", self.this))
     }
 }
@@ -287,7 +289,7 @@ impl From<Failure> for FailureReason {
 }
 
 impl ArtifactSummary {
-    pub fn of<R: Resource>(job: JobId, entry: &ArtifactEntry) -> Self {
+    pub(super) fn of<R: Resource>(job: JobId, entry: &ArtifactEntry) -> Self {
         Self {
             name: entry.name.clone(),
             media_type: entry.media_type.clone(),
@@ -301,11 +303,11 @@ impl ArtifactSummary {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pipeline::{self, Stage};
+    use progress::Stage;
 
     #[test]
     fn progress_of_the_pipeline_is_what_clients_see() {
-        let progress = pipeline::Progress {
+        let progress = progress::Progress {
             stage: Stage::Pairs,
             done: 3,
             total: 18,

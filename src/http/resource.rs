@@ -17,7 +17,7 @@ use super::conditional::{PREFERENCE_APPLIED, is_known, preferred_wait};
 use super::problem::{INVALID_QUERY, Problem, ProblemType};
 use super::representation::State as JobStateName;
 use super::wait::wait_until;
-use crate::jobs::{Job, JobId, ListQuery, StoreError};
+use jobs::{Job, JobId, ListQuery, StoreError};
 
 const DEFAULT_LIMIT: u32 = 20;
 const MAX_LIMIT: u32 = 100;
@@ -25,7 +25,7 @@ const MAX_LIMIT: u32 = 100;
 const RETRY_AFTER: HeaderValue = HeaderValue::from_static("1");
 
 /// A kind of job, as clients see it.
-pub trait Resource: Send + Sync + 'static {
+pub(super) trait Resource: Send + Sync + 'static {
     /// The kind in the job store.
     const KIND: &'static str;
     /// Where the collection is.
@@ -44,10 +44,10 @@ pub trait Resource: Send + Sync + 'static {
 }
 
 /// The id of an `R` in the path. What is no id names none.
-pub struct Id<R>(pub JobId, PhantomData<R>);
+pub(super) struct Id<R>(pub JobId, PhantomData<R>);
 
 impl<R: Resource> Id<R> {
-    pub fn parse(text: &str) -> Result<JobId, Problem> {
+    pub(super) fn parse(text: &str) -> Result<JobId, Problem> {
         text.parse().map_err(|_| {
             let detail = format!("there is no {} `{text}`; ids are UUIDs", R::NOUN);
             Problem::new(R::UNKNOWN, detail)
@@ -69,7 +69,7 @@ impl<R: Resource, S: Send + Sync> FromRequestParts<S> for Id<R> {
 #[derive(Debug, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
-pub struct ListParameters {
+pub(super) struct ListParameters {
     /// Only those in this state.
     state: Option<JobStateName>,
     /// At most this many.
@@ -80,7 +80,7 @@ pub struct ListParameters {
 }
 
 /// The job with this id, if it is an `R`.
-pub async fn find<R: Resource>(api: &Api, id: JobId) -> Result<Job, Problem> {
+pub(super) async fn find<R: Resource>(api: &Api, id: JobId) -> Result<Job, Problem> {
     let job = api.state.store.get(id).await.map_err(store_problem::<R>)?;
     if job.kind == R::KIND { Ok(job) } else { Err(unknown::<R>(id)) }
 }
@@ -97,7 +97,7 @@ fn store_problem<R: Resource>(error: StoreError) -> Problem {
 }
 
 /// The answer to an upload that has become a job.
-pub fn accepted<R: Resource>(job: &Job) -> Result<Response, Problem> {
+pub(super) fn accepted<R: Resource>(job: &Job) -> Result<Response, Problem> {
     tracing::info!(id = %job.id, kind = job.kind, "queued");
     let mut response = (StatusCode::ACCEPTED, Json(R::View::from(job))).into_response();
     let location = HeaderValue::from_str(&R::path(job.id))
@@ -110,7 +110,7 @@ pub fn accepted<R: Resource>(job: &Job) -> Result<Response, Problem> {
 /// Answers part of the list, newest first.
 ///
 /// * `body`: makes the document of the jobs and the URI of the next part.
-pub async fn list<R: Resource, B: Serialize>(
+pub(super) async fn list<R: Resource, B: Serialize>(
     api: &Api,
     query: Result<Query<ListParameters>, QueryRejection>,
     body: impl FnOnce(Vec<R::View>, Option<String>) -> B,
@@ -153,7 +153,7 @@ fn next_uri<R: Resource>(state: Option<JobStateName>, limit: u32, cursor: JobId)
 }
 
 /// Answers one job, at once or when it has changed or finished.
-pub async fn get<R: Resource>(
+pub(super) async fn get<R: Resource>(
     api: &Api,
     id: JobId,
     headers: &HeaderMap,
@@ -180,7 +180,7 @@ pub async fn get<R: Resource>(
 }
 
 /// Answers what belongs to the job's version, unless the client has that version already.
-pub fn unless_known<B: Serialize>(
+pub(super) fn unless_known<B: Serialize>(
     headers: &HeaderMap,
     job: &Job,
     body: impl FnOnce() -> B,
@@ -206,7 +206,7 @@ fn version_of(job: &Job) -> ETag {
 }
 
 /// Asks for cancellation.
-pub async fn cancel<R: Resource>(api: &Api, id: JobId) -> Result<Response, Problem> {
+pub(super) async fn cancel<R: Resource>(api: &Api, id: JobId) -> Result<Response, Problem> {
     find::<R>(api, id).await?;
     let job = api.state.store.request_cancel(id).await.map_err(store_problem::<R>)?;
     let status = if job.state.is_final() { StatusCode::OK } else { StatusCode::ACCEPTED };
@@ -214,7 +214,7 @@ pub async fn cancel<R: Resource>(api: &Api, id: JobId) -> Result<Response, Probl
 }
 
 /// Deletes a job with its bytes.
-pub async fn delete<R: Resource>(api: &Api, id: JobId) -> Result<StatusCode, Problem> {
+pub(super) async fn delete<R: Resource>(api: &Api, id: JobId) -> Result<StatusCode, Problem> {
     find::<R>(api, id).await?;
     api.state.store.delete(id).await.map_err(store_problem::<R>)?;
     if let Err(error) = api.state.bytes.delete_job(id).await {

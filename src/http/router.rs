@@ -44,7 +44,7 @@ pub fn router(state: ApiState, limits: &HttpLimits) -> Router {
 }
 
 /// Every described route.
-pub fn routes() -> OpenApiRouter<Arc<Api>> {
+pub(super) fn routes() -> OpenApiRouter<Arc<Api>> {
     OpenApiRouter::with_openapi(Description::openapi())
         .merge(upload_routes())
         .merge(quick_routes())

@@ -8,8 +8,8 @@ use uuid::Uuid;
 use super::openapi::sheet_options_reference;
 use super::representation::{JobStatus, Paths};
 use super::sheets::Sheets;
-use crate::draw::{DrawPayload, ModelSource};
-use crate::jobs::Job;
+use crate::kinds::{DrawPayload, ModelSource};
+use jobs::Job;
 
 /// A model on its way to a drawn sheet.
 #[derive(Debug, Serialize, ToSchema)]
@@ -37,7 +37,7 @@ use crate::jobs::Job;
         "bundle": null
     }
 }))]
-pub struct Sheet {
+pub(super) struct Sheet {
     pub id: Uuid,
     pub model: SheetModel,
     /// The views, degrees in [0, 360), rising.
@@ -52,7 +52,7 @@ pub struct Sheet {
 
 /// What is drawn: a built-in model or a file.
 #[derive(Debug, Default, Serialize, ToSchema)]
-pub struct SheetModel {
+pub(super) struct SheetModel {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(example = "teapot")]
     pub builtin: Option<String>,
@@ -71,7 +71,7 @@ pub struct SheetModel {
 
 /// Where to go on, as relative URIs.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct SheetLinks {
+pub(super) struct SheetLinks {
     #[serde(rename = "self")]
     #[schema(format = "uri-reference")]
     pub this: String,
@@ -97,7 +97,7 @@ pub struct SheetLinks {
 
 /// Part of the listing, newest first.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct SheetList {
+pub(super) struct SheetList {
     pub sheets: Vec<Sheet>,
     /// The next part; null at the end. Also as the header `Link`.
     #[schema(format = "uri-reference")]

@@ -14,10 +14,10 @@ use super::representation::ArtifactList;
 use super::resource::{self, Id, ListParameters, Resource};
 use super::sheet_representation::{Sheet, SheetList};
 use super::upload::{self, ModelForm};
-use crate::draw::DRAWING;
+use crate::kinds::DRAWING;
 
 /// Models on their way to a drawn sheet.
-pub struct Sheets;
+pub(super) struct Sheets;
 
 impl Resource for Sheets {
     const KIND: &'static str = DRAWING;
@@ -60,7 +60,10 @@ problem_responses! {
         UploadProblems,
     )
 )]
-pub async fn create(State(api): State<Arc<Api>>, request: Request) -> Result<Response, Problem> {
+pub(super) async fn create(
+    State(api): State<Arc<Api>>,
+    request: Request,
+) -> Result<Response, Problem> {
     let job = upload::receive::<ModelForm>(&api, request).await?;
     resource::accepted::<Sheets>(&job)
 }
@@ -78,7 +81,7 @@ pub async fn create(State(api): State<Arc<Api>>, request: Request) -> Result<Res
         ListProblems,
     )
 )]
-pub async fn list(
+pub(super) async fn list(
     State(api): State<Arc<Api>>,
     query: Result<Query<ListParameters>, QueryRejection>,
 ) -> Result<Response, Problem> {
@@ -107,7 +110,7 @@ pub async fn list(
         JobProblems,
     )
 )]
-pub async fn get(
+pub(super) async fn get(
     State(api): State<Arc<Api>>,
     id: Id<Sheets>,
     headers: HeaderMap,
@@ -134,7 +137,7 @@ pub async fn get(
         JobProblems,
     )
 )]
-pub async fn events(
+pub(super) async fn events(
     State(api): State<Arc<Api>>,
     id: Id<Sheets>,
     headers: HeaderMap,
@@ -157,7 +160,10 @@ pub async fn events(
         CancelProblems,
     )
 )]
-pub async fn cancel(State(api): State<Arc<Api>>, id: Id<Sheets>) -> Result<Response, Problem> {
+pub(super) async fn cancel(
+    State(api): State<Arc<Api>>,
+    id: Id<Sheets>,
+) -> Result<Response, Problem> {
     resource::cancel::<Sheets>(&api, id.0).await
 }
 
@@ -170,7 +176,10 @@ pub async fn cancel(State(api): State<Arc<Api>>, id: Id<Sheets>) -> Result<Respo
     params(("id" = String, Path, format = "uuid", description = "The sheet")),
     responses((status = 204, description = "Deleted"), DeleteProblems)
 )]
-pub async fn delete(State(api): State<Arc<Api>>, id: Id<Sheets>) -> Result<StatusCode, Problem> {
+pub(super) async fn delete(
+    State(api): State<Arc<Api>>,
+    id: Id<Sheets>,
+) -> Result<StatusCode, Problem> {
     resource::delete::<Sheets>(&api, id.0).await
 }
 
@@ -188,7 +197,7 @@ pub async fn delete(State(api): State<Arc<Api>>, id: Id<Sheets>) -> Result<Statu
         JobProblems,
     )
 )]
-pub async fn artifacts(
+pub(super) async fn artifacts(
     State(api): State<Arc<Api>>,
     id: Id<Sheets>,
     headers: HeaderMap,
@@ -221,7 +230,7 @@ pub async fn artifacts(
         ArtifactProblems,
     )
 )]
-pub async fn artifact(
+pub(super) async fn artifact(
     State(api): State<Arc<Api>>,
     path: IdAndName,
     method: Method,

@@ -5,8 +5,8 @@ use tokio_util::sync::CancellationToken;
 
 use super::HttpLimits;
 use super::upload::{Budget, Decoders};
-use crate::artifacts::ByteStore;
-use crate::jobs::JobStore;
+use jobs::JobStore;
+use jobs::bytes::ByteStore;
 
 /// What the handlers work with.
 #[derive(Clone)]
@@ -24,7 +24,7 @@ pub struct ApiState {
 }
 
 /// State and limits, as the handlers share them.
-pub struct Api {
+pub(super) struct Api {
     pub state: ApiState,
     pub limits: HttpLimits,
     pub budget: Budget,
@@ -32,7 +32,7 @@ pub struct Api {
 }
 
 impl Api {
-    pub fn new(state: ApiState, limits: HttpLimits) -> Arc<Self> {
+    pub(super) fn new(state: ApiState, limits: HttpLimits) -> Arc<Self> {
         // One upload of the largest size must always fit.
         let budget = Budget::new(limits.max_upload_memory_bytes.max(limits.max_body_bytes));
         let decoders = Decoders::new(limits.concurrent_decodes);

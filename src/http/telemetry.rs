@@ -42,7 +42,7 @@ fn describe() {
 
 /// Counts and times a request. Routes are labels, not paths: ids would make a
 /// series each.
-pub async fn measure(request: Request, next: Next) -> Response {
+pub(super) async fn measure(request: Request, next: Next) -> Response {
     let begun = Instant::now();
     let method = method_label(request.method());
     let route = match request.extensions().get::<MatchedPath>() {

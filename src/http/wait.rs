@@ -9,14 +9,14 @@ use tokio::time::Instant;
 use super::Api;
 use super::problem::Problem;
 use super::resource::{Resource, find};
-use crate::jobs::{Job, JobChange, JobId};
+use jobs::{Job, JobChange, JobId};
 
 /// How often a job is looked at whose changes nobody announces, such as those
 /// of workers in other processes.
 const POLL: Duration = Duration::from_millis(500);
 
 /// The changes of one job.
-pub struct Watch {
+pub(super) struct Watch {
     id: JobId,
     changes: Receiver<JobChange>,
     announced: bool,
@@ -24,12 +24,12 @@ pub struct Watch {
 
 impl Watch {
     /// Begins to listen; read the job after this, or a change may be missed.
-    pub fn new(api: &Api, id: JobId) -> Self {
+    pub(super) fn new(api: &Api, id: JobId) -> Self {
         Self { id, changes: api.state.store.changes(), announced: true }
     }
 
     /// Returns when the job may have changed, at the latest at `deadline`.
-    pub async fn changed(&mut self, deadline: Instant) {
+    pub(super) async fn changed(&mut self, deadline: Instant) {
         let poll = tokio::time::sleep_until(deadline.min(Instant::now() + POLL));
         tokio::pin!(poll);
         while self.announced {
@@ -48,7 +48,7 @@ impl Watch {
 }
 
 /// The job once `is_reached` holds of it, or as it is at the end of `wait`.
-pub async fn wait_until<R: Resource>(
+pub(super) async fn wait_until<R: Resource>(
     api: &Api,
     id: JobId,
     wait: Duration,

@@ -5,18 +5,18 @@
 //! loses its lease, and the job runs again. A result is published exactly once,
 //! for the store refuses whatever an attempt without the lease comes back with.
 
+mod collector;
 mod config;
-mod heart;
 pub mod jobs;
-mod keeper;
+mod lease;
 mod pool;
 mod run;
 mod signal;
 mod uploads;
 mod work;
 
+pub use collector::{CollectError, Collected, collect};
 pub use config::WorkerConfig;
-pub use keeper::{CollectError, Collected, collect};
 pub use pool::Pool;
 pub use uploads::Upload;
 pub use work::{Attempt, Work, WorkError};

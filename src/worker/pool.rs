@@ -9,10 +9,10 @@ use tokio::sync::broadcast::error::RecvError;
 use tokio::sync::{broadcast, watch};
 use tokio::task::AbortHandle;
 
-use super::heart::Heart;
-use super::{Work, WorkerConfig, keeper, run};
-use crate::artifacts::ByteStore;
-use crate::jobs::{EventKind, JobChange, JobStore};
+use super::lease::Heart;
+use super::{Work, WorkerConfig, collector, run};
+use jobs::bytes::ByteStore;
+use jobs::{EventKind, JobChange, JobStore};
 
 /// How long work may take to notice that it should stop, after the grace.
 const STOP_TIMEOUT: Duration = Duration::from_secs(5);
@@ -64,7 +64,7 @@ impl Pool {
             live: watch::Sender::new(0),
         });
         let listener = runtime.spawn(listen(Arc::clone(&shared), shared.store.changes()));
-        let housekeeping = runtime.spawn(keeper::keep(
+        let housekeeping = runtime.spawn(collector::keep(
             shared.config.clone(),
             Arc::clone(&shared.store),
             shared.bytes.clone(),

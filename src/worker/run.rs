@@ -11,7 +11,7 @@ use super::signal::{Signal, StopReason};
 use super::uploads::Uploads;
 use super::work::ProgressSender;
 use super::{Attempt, Shared, WorkError};
-use crate::jobs::{Claim, Failure, JobId, JobState, JobStore, StoreError};
+use jobs::{Claim, Failure, JobId, JobState, JobStore, StoreError};
 
 /// Writes of an ending are tried this often before the lease is left to end.
 const ENDING_TRIES: u32 = 4;
@@ -42,7 +42,7 @@ pub(super) fn run(shared: &Shared, claim: &Claim, claimed: Instant) {
 /// What an attempt came to.
 #[derive(Clone)]
 enum Ending {
-    Succeeded(Vec<crate::jobs::ArtifactEntry>),
+    Succeeded(Vec<jobs::ArtifactEntry>),
     Failed(Failure),
     Broken(String),
     Stopped(Option<StopReason>),

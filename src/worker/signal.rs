@@ -17,11 +17,11 @@ pub(super) enum StopReason {
 pub(super) struct Signal(AtomicU8);
 
 impl Signal {
-    pub fn stop(&self, reason: StopReason) {
+    pub(super) fn stop(&self, reason: StopReason) {
         self.0.fetch_max(reason as u8, Ordering::SeqCst);
     }
 
-    pub fn reason(&self) -> Option<StopReason> {
+    pub(super) fn reason(&self) -> Option<StopReason> {
         match self.0.load(Ordering::SeqCst) {
             0 => None,
             1 => Some(StopReason::Shutdown),

@@ -8,8 +8,8 @@ use tokio::runtime::Handle;
 use tokio::sync::{Semaphore, mpsc};
 use tokio::task::JoinHandle;
 
-use crate::artifacts::{ByteError, ByteStore, ByteWriter, Key};
-use crate::jobs::{ArtifactEntry, JobId};
+use jobs::bytes::{ByteError, ByteStore, ByteWriter, Key};
+use jobs::{ArtifactEntry, JobId};
 
 /// Artifacts stored at once. Their syncs then share the disk's journal writes.
 const MAX_IN_FLIGHT: usize = 16;
@@ -40,7 +40,7 @@ struct Started {
 }
 
 impl Uploads {
-    pub fn new(job: JobId, attempt: u32, store: ByteStore, runtime: Handle) -> Self {
+    pub(super) fn new(job: JobId, attempt: u32, store: ByteStore, runtime: Handle) -> Self {
         Self {
             job,
             attempt,
@@ -54,7 +54,7 @@ impl Uploads {
 
     /// Begins to store an artifact; waits only while too many bytes are on
     /// their way.
-    pub fn add(&self, name: &str, media_type: &str, bytes: Bytes) -> io::Result<()> {
+    pub(super) fn add(&self, name: &str, media_type: &str, bytes: Bytes) -> io::Result<()> {
         self.register(name)?;
         let kib = bytes.len().div_ceil(1024).clamp(1, MAX_IN_FLIGHT_KIB);
         let room = Arc::clone(&self.kib).acquire_many_owned(kib as u32);
@@ -76,7 +76,7 @@ impl Uploads {
     }
 
     /// Begins an artifact that is stored while it is written.
-    pub fn create(&self, name: &str, media_type: &str) -> io::Result<Upload> {
+    pub(super) fn create(&self, name: &str, media_type: &str) -> io::Result<Upload> {
         self.register(name)?;
         let (chunks, received) = mpsc::channel(CHUNKS_WAITING);
         let (job, attempt, store) = (self.job, self.attempt, self.store.clone());
@@ -106,7 +106,7 @@ impl Uploads {
     ///
     /// # Errors
     /// The first error of any of them.
-    pub async fn finish(&self) -> Result<Vec<ArtifactEntry>, ByteError> {
+    pub(super) async fn finish(&self) -> Result<Vec<ArtifactEntry>, ByteError> {
         let tasks = std::mem::take(&mut lock(&self.started).tasks);
         let mut entries = Vec::with_capacity(tasks.len());
         let mut first_error = None;

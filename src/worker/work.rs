@@ -8,8 +8,8 @@ use tokio::sync::watch;
 
 use super::signal::Signal;
 use super::uploads::{Upload, Uploads};
-use crate::artifacts::{ByteStore, Key};
-use crate::jobs::{Failure, Job};
+use jobs::bytes::{ByteStore, Key};
+use jobs::{Failure, Job};
 
 /// A kind of job. The pool knows nothing else about the work.
 pub trait Work: Send + Sync {
@@ -107,7 +107,7 @@ pub(super) struct ProgressSender {
 }
 
 impl ProgressSender {
-    pub fn new() -> (Self, watch::Receiver<Option<Value>>) {
+    pub(super) fn new() -> (Self, watch::Receiver<Option<Value>>) {
         let (latest, receiver) = watch::channel(None);
         (Self { furthest: Mutex::new(0.0), latest }, receiver)
     }

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 /// Where and how the service listens.
 #[derive(Args, Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[command(next_help_heading = "HTTP")]
-pub struct HttpConfig {
+pub(crate) struct HttpConfig {
     /// Address and port to listen on
     #[arg(
         long,

@@ -1,13 +1,13 @@
 use clap::Args;
 use serde::{Deserialize, Serialize};
 
-use crate::model_io;
-use crate::sheet::ImageLimits;
+use mesh::read;
+use picture::ImageLimits;
 
 /// What an upload may cost.
 #[derive(Args, Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[command(next_help_heading = "Limits")]
-pub struct LimitConfig {
+pub(crate) struct LimitConfig {
     /// Largest image file, MiB
     #[arg(long, env = "TURNAROUND_MAX_IMAGE_MIB", value_name = "MIB", default_value_t = 32)]
     pub max_image_mib: u64,
@@ -48,8 +48,8 @@ pub struct LimitConfig {
 
 impl LimitConfig {
     /// The limits of a model; formats without indices have three vertices a triangle.
-    pub fn model(&self) -> model_io::Limits {
-        model_io::Limits {
+    pub(crate) fn model(&self) -> read::Limits {
+        read::Limits {
             max_bytes: self.max_model_mib << 20,
             max_vertices: 3 * self.max_model_triangles,
             max_triangles: self.max_model_triangles,
@@ -57,7 +57,7 @@ impl LimitConfig {
     }
 
     /// The limits of one picture.
-    pub fn image(&self) -> ImageLimits {
+    pub(crate) fn image(&self) -> ImageLimits {
         ImageLimits {
             max_bytes: self.max_image_mib << 20,
             max_pixels: self.max_image_megapixels * 1_000_000,

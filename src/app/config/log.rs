@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 /// How log lines are written.
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum LogFormat {
+pub(crate) enum LogFormat {
     Text,
     Json,
 }
@@ -12,7 +12,7 @@ pub enum LogFormat {
 /// What is logged, to standard error.
 #[derive(Args, Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[command(next_help_heading = "Log")]
-pub struct LogConfig {
+pub(crate) struct LogConfig {
     /// Least level, or directives such as `info,turnaround=debug`
     #[arg(long, env = "TURNAROUND_LOG", value_name = "LEVEL", default_value = "info")]
     pub log: String,

@@ -9,11 +9,11 @@ mod log;
 mod storage;
 mod workers;
 
-pub use http::HttpConfig;
-pub use limits::LimitConfig;
-pub use log::{LogConfig, LogFormat};
-pub use storage::StorageConfig;
-pub use workers::WorkersConfig;
+pub(super) use http::HttpConfig;
+pub(super) use limits::LimitConfig;
+pub(super) use log::{LogConfig, LogFormat};
+pub(super) use storage::StorageConfig;
+pub(super) use workers::WorkersConfig;
 
 use std::path::PathBuf;
 
@@ -27,7 +27,7 @@ use serde_json::{Map, Value};
 
 /// Everything the service can be told.
 #[derive(Args, Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Config {
+pub(super) struct Config {
     #[command(flatten)]
     #[serde(flatten)]
     pub http: HttpConfig,
@@ -47,7 +47,7 @@ pub struct Config {
 
 /// The flags of `serve` and `worker`.
 #[derive(Args, Clone, Debug)]
-pub struct ConfigArgs {
+pub(super) struct ConfigArgs {
     /// TOML file with settings: each key is a flag's name with underscores
     #[arg(long, value_name = "FILE", env = "TURNAROUND_CONFIG")]
     config: Option<PathBuf>,
@@ -61,7 +61,7 @@ impl ConfigArgs {
     /// # Errors
     /// If the file can't be read, has a key that is no setting, or a value of
     /// the wrong type.
-    pub fn resolve(self, matches: &ArgMatches) -> Result<Config> {
+    pub(super) fn resolve(self, matches: &ArgMatches) -> Result<Config> {
         let defaults = object(serde_json::to_value(&self.values)?);
         let given: Map<String, Value> = defaults
             .iter()

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 /// How jobs are run.
 #[derive(Args, Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[command(next_help_heading = "Workers")]
-pub struct WorkersConfig {
+pub(crate) struct WorkersConfig {
     /// Jobs run at once
     #[arg(long, env = "TURNAROUND_WORKERS", value_name = "N", default_value_t = 1)]
     pub workers: usize,

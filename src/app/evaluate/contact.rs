@@ -2,7 +2,7 @@
 
 use image::{GrayImage, Luma, Rgb, RgbImage, imageops};
 
-use crate::float_image::FloatImage;
+use picture::FloatImage;
 
 /// Width of one picture, px.
 const TILE_PX: u32 = 480;

@@ -17,13 +17,14 @@ use serde_json::{Value, json};
 use super::config::LimitConfig;
 use super::failure::Failure;
 use super::inputs;
-use crate::options;
+use crate::draft;
+
 use report::Report;
 use sets::{SETS, Variant, ViewSet, variants};
 use trial::{SheetFolder, Trial};
 
 #[derive(Args, Debug)]
-pub struct EvaluateArgs {
+pub(super) struct EvaluateArgs {
     /// Folders that hold sheet.json with its drawings, true depths and true model
     #[arg(value_name = "DIR", required = true)]
     sheets: Vec<PathBuf>,
@@ -47,7 +48,7 @@ pub struct EvaluateArgs {
 }
 
 /// Runs every view set on every sheet and writes the report.
-pub fn run(args: &EvaluateArgs) -> Result<(), Failure> {
+pub(super) fn run(args: &EvaluateArgs) -> Result<(), Failure> {
     let sets = chosen_sets(&args.sets).map_err(Failure::Usage)?;
     let options = chosen_options(&args.set)?;
     let variants = variants(args.ablation);
@@ -98,7 +99,8 @@ fn chosen_sets(names: &[String]) -> Result<Vec<&'static ViewSet>> {
 fn chosen_options(settings: &[String]) -> Result<Value, Failure> {
     let mut chosen = json!({"method": "turntable"});
     inputs::lay_over(&mut chosen, settings).map_err(Failure::Usage)?;
-    options::parse(&chosen).map_err(|problems| Failure::Input(anyhow!("options: {problems}")))?;
+    draft::options::parse(&chosen)
+        .map_err(|problems| Failure::Input(anyhow!("options: {problems}")))?;
     Ok(chosen)
 }
 

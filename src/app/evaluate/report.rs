@@ -5,7 +5,7 @@ use serde_json::Value;
 
 use super::sets::{Variant, ViewSet};
 use super::trial::{Trial, ViewTrial};
-use crate::evaluation::mean;
+use evaluation::mean;
 
 /// The view whose depth stands for a sheet's.
 const QUARTER_DEG: f64 = 45.0;
@@ -83,12 +83,18 @@ fn lined(trial: &Trial) -> impl Iterator<Item = &ViewTrial> {
 }
 
 impl Report {
-    pub fn new(options: &Value) -> Self {
+    pub(super) fn new(options: &Value) -> Self {
         let version = env!("CARGO_PKG_VERSION");
         Self { version, options: options.clone(), runs: Vec::new() }
     }
 
-    pub fn add(&mut self, set: &'static ViewSet, variant: &Variant, sheet: &str, trial: Trial) {
+    pub(super) fn add(
+        &mut self,
+        set: &'static ViewSet,
+        variant: &Variant,
+        sheet: &str,
+        trial: Trial,
+    ) {
         let trial = SheetTrial { sheet: sheet.to_owned(), trial };
         let known = |run: &&mut Run| run.set == set.name && run.variant == variant.name;
         match self.runs.iter_mut().find(known) {
@@ -104,7 +110,7 @@ impl Report {
 
     /// One table a figure, one row a view set and variant, one column a sheet;
     /// failures are told below.
-    pub fn markdown(&self) -> String {
+    pub(super) fn markdown(&self) -> String {
         let mut text = format!("# Evaluation\n\nturnaround {}\n", self.version);
         for (title, decimals, figure) in TABLES {
             let rows = self.runs.iter().filter_map(|run| run.row(*decimals, *figure));

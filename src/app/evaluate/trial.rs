@@ -9,18 +9,20 @@ use serde_json::Value;
 use super::contact;
 use super::sets::ViewSet;
 use crate::app::inputs;
-use crate::draft::{self, DraftError, TurntableDraft};
-use crate::draw::{DrawOptions, Drawer, PreparedModel};
-use crate::evaluation::{
-    SolidOptions, SolidReport, SolidTruth, ViewReport, ViewTruth, compare_silhouettes,
+use crate::draft::{self, Decoded, DraftError};
+use drawing::{DrawOptions, Drawer, PreparedModel};
+use evaluation::{
+    ComparisonOptions, SolidComparison, SolidTruth, ViewReport, ViewTruth, compare_silhouettes,
     decode_truth, disparity_from_depth, evaluate_view, true_mask,
 };
-use crate::geometry::Mesh;
-use crate::model_io::Model;
-use crate::pipeline::Silent;
-use crate::sheet::{Azimuth, ImageLimits, SheetDocument, ViewDocument};
-use crate::turntable::depth::{DepthSource, Fallback, ViewDepth};
-use crate::turntable::mesh::topology::check_manifold;
+use frames::Azimuth;
+use mesh::Mesh;
+use mesh::read::Model;
+use mesh::topology::check_manifold;
+use picture::ImageLimits;
+use sheet::{SheetDocument, ViewDocument};
+use turntable::Draft;
+use turntable::depth::{DepthSource, Fallback, ViewDepth};
 
 /// A sheet with its truth.
 pub(super) struct SheetFolder {
@@ -42,7 +44,7 @@ pub(super) struct Trial {
     /// The most memory the process had in use meanwhile, MiB; where the system
     /// tells.
     pub peak_memory_mib: Option<f64>,
-    pub solid: Option<SolidReport>,
+    pub solid: Option<SolidComparison>,
     pub mesh: Option<MeshFigures>,
     /// The views that have truth.
     pub views: Vec<ViewTrial>,
@@ -69,19 +71,19 @@ pub(super) struct ViewTrial {
 }
 
 impl SheetFolder {
-    pub fn open(path: &Path, limits: &ImageLimits) -> Result<Self> {
+    pub(super) fn open(path: &Path, limits: &ImageLimits) -> Result<Self> {
         let document = inputs::sheet_document(&path.join("sheet.json"))?;
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let solid = solid_truth(path, &document).with_context(|| name.clone())?;
         Ok(Self { path: path.to_owned(), name, document, limits: *limits, solid })
     }
 
-    pub fn name(&self) -> &str {
+    pub(super) fn name(&self) -> &str {
         &self.name
     }
 
     /// Runs the method on the views of `set` and measures what comes out.
-    pub fn try_out(&self, set: &ViewSet, options: Value, threads: usize) -> Result<Trial> {
+    pub(super) fn try_out(&self, set: &ViewSet, options: Value, threads: usize) -> Result<Trial> {
         let mut document = SheetDocument { options: Some(options), ..self.document.clone() };
         document.views = match self.views(set) {
             Ok(views) => views,
@@ -90,18 +92,20 @@ impl SheetFolder {
         let read = |name: &str| fs::read(self.path.join(name));
         forget_peak_memory();
         let begin = Instant::now();
-        let draft = draft::turntable_draft(&document, &read, &self.limits, threads, &Silent);
-        let seconds = begin.elapsed().as_secs_f64();
-        let draft = match draft {
-            Ok(draft) => draft,
+        let tried = Decoded::read(&document, &read, &self.limits, threads).and_then(|decoded| {
+            let draft = decoded.turntable()?;
+            let seconds = begin.elapsed().as_secs_f64();
+            let peak_memory_mib = peak_memory_mib();
+            let mut trial = Trial { seconds, peak_memory_mib, ..Trial::default() };
+            Ok(self.measure(set, &draft, &mut trial).map(|()| trial))
+        });
+        match tried {
+            Ok(measured) => measured,
             Err(DraftError::Input { code, detail }) => {
-                return Ok(Trial::failed(format!("{code}: {detail}")));
+                Ok(Trial::failed(format!("{code}: {detail}")))
             }
             Err(error) => bail!(error),
-        };
-        let mut trial = Trial { seconds, peak_memory_mib: peak_memory_mib(), ..Trial::default() };
-        self.measure(set, &draft, &mut trial)?;
-        Ok(trial)
+        }
     }
 
     fn views(&self, set: &ViewSet) -> Result<Vec<ViewDocument>, String> {
@@ -117,7 +121,7 @@ impl SheetFolder {
         Err(format!("has {} of the {} views", found.len(), set.azimuths_deg.len()))
     }
 
-    fn measure(&self, set: &ViewSet, draft: &TurntableDraft, trial: &mut Trial) -> Result<()> {
+    fn measure(&self, set: &ViewSet, draft: &Draft<'_>, trial: &mut Trial) -> Result<()> {
         let mesh = &draft.solid.mesh;
         trial.mesh = Some(MeshFigures {
             triangles: mesh.triangles.len(),
@@ -146,7 +150,7 @@ impl SheetFolder {
         Ok(())
     }
 
-    fn picture(&self, draft: &TurntableDraft, depth: &ViewDepth, truth: ViewTruth) -> contact::Row {
+    fn picture(&self, draft: &Draft<'_>, depth: &ViewDepth, truth: ViewTruth) -> contact::Row {
         let drawing = draft.views.views().iter().find(|view| view.azimuth == depth.azimuth);
         contact::Row {
             sheet: self.name.clone(),
@@ -181,7 +185,7 @@ fn solid_truth(path: &Path, document: &SheetDocument) -> Result<Option<SolidTrut
     let truth = draft::true_model(document, &|name| fs::read(path.join(name)))?;
     let Some((mut mesh, pixels_per_unit)) = truth else { return Ok(None) };
     mesh.positions.iter_mut().for_each(|p| *p *= pixels_per_unit);
-    Ok(Some(SolidTruth::new(&mesh, SolidOptions::default())?))
+    Ok(Some(SolidTruth::new(&mesh, ComparisonOptions::default())?))
 }
 
 /// Draws the mesh's silhouettes.
@@ -192,7 +196,7 @@ struct Outlines {
 
 impl Outlines {
     /// In units of the picture's width: the camera stays outside of the mesh.
-    fn of(mesh: &Mesh, draft: &TurntableDraft) -> Result<Self> {
+    fn of(mesh: &Mesh, draft: &Draft<'_>) -> Result<Self> {
         let (width_px, height_px) = (draft.views.width(), draft.views.height());
         let unit = f64::from(width_px.max(height_px));
         let mut mesh = mesh.clone();

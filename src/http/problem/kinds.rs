@@ -12,7 +12,7 @@ pub struct ProblemType {
 
 macro_rules! problem_types {
     ($($id:ident = $status:ident $name:literal, $title:literal, $about:literal;)*) => {
-        $(pub const $id: ProblemType = ProblemType {
+        $(pub(crate) const $id: ProblemType = ProblemType {
             name: $name,
             status: StatusCode::$status,
             title: $title,
@@ -20,7 +20,7 @@ macro_rules! problem_types {
         };)*
 
         /// Every kind, in the order of the documentation.
-        pub const ALL: &[ProblemType] = &[$($id),*];
+        pub(crate) const ALL: &[ProblemType] = &[$($id),*];
     };
 }
 

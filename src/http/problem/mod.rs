@@ -11,8 +11,8 @@ use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use utoipa::ToSchema;
 
-use crate::jobs::StoreError;
-use crate::options::{OptionProblemKind, OptionProblems};
+use jobs::StoreError;
+use options::{OptionProblemKind, OptionProblems};
 
 /// The longest detail sent, bytes: details may quote what the client sent.
 const MAX_DETAIL_BYTES: usize = 600;
@@ -196,7 +196,7 @@ mod tests {
     #[test]
     fn an_unknown_option_outranks_an_invalid_one() {
         let value = serde_json::json!({"disparity": {"block_size": 8}, "speed": 1});
-        let problem = Problem::options(&crate::options::parse(&value).unwrap_err());
+        let problem = Problem::options(&crate::draft::options::parse(&value).unwrap_err());
         assert_eq!(problem.0.kind, UNKNOWN_OPTION);
         let named: Vec<_> = problem.0.errors.iter().map(|e| e.option.as_str()).collect();
         assert!(named.contains(&"speed") && named.contains(&"disparity.block_size"), "{named:?}");

@@ -12,7 +12,7 @@ const PROBLEM_JSON: HeaderValue = HeaderValue::from_static("application/problem+
 
 /// Writes the body of every error answer: those of the handlers and those that
 /// the framework and its layers make by themselves.
-pub async fn render(request: Request, next: Next) -> Response {
+pub(crate) async fn render(request: Request, next: Next) -> Response {
     let instance = request.uri().path().to_owned();
     let mut response = next.run(request).await;
     if !response.status().is_client_error() && !response.status().is_server_error() {
@@ -51,7 +51,7 @@ async fn framework_problem(response: &mut Response) -> Problem {
 }
 
 /// The answer to a panic in a handler.
-pub fn panicked(cause: Box<dyn Any + Send + 'static>) -> Response {
+pub(crate) fn panicked(cause: Box<dyn Any + Send + 'static>) -> Response {
     let message = cause
         .downcast_ref::<String>()
         .map(String::as_str)

@@ -8,20 +8,21 @@ use super::matches;
 use super::parts::{FilePart, Parts, unknown_part};
 use super::pictures::{Decoded, extension};
 use super::truths::{CheckedTruth, ModelFile, TruthFields, TruthPicture};
+use crate::draft;
+use crate::draft::options::{Method, Options};
 use crate::http::HttpLimits;
 use crate::http::problem::{
     DIFFERING_SIZES, DUPLICATE_AZIMUTH, INVALID_ANGLE, INVALID_SHEET, INVALID_TRUTH, MISSING_PART,
     Problem, TOO_FEW_VIEWS, TOO_MANY_VIEWS,
 };
-use crate::options::{self, Method, Options};
-use crate::sheet::{
-    self, Azimuth, PictureSize, PlacedView, SheetDocument, SheetProblem, SheetRequirements,
-    ViewDocument,
+use frames::Azimuth;
+use sheet::{
+    PictureSize, PlacedView, SheetDocument, SheetProblem, SheetRequirements, ViewDocument,
 };
 
 /// A picture with its place in the sheet.
 #[derive(Clone, Debug)]
-pub struct Picture {
+pub(super) struct Picture {
     /// Name of the part it came in, for messages.
     pub part: String,
     pub bytes: Bytes,
@@ -29,7 +30,7 @@ pub struct Picture {
 
 /// A view with its pictures.
 #[derive(Clone, Debug)]
-pub struct PicturedView {
+pub(super) struct PicturedView {
     pub view: PlacedView,
     pub drawing: Picture,
     pub mask: Option<Picture>,
@@ -38,7 +39,7 @@ pub struct PicturedView {
 
 /// An upload whose parts fit together; its pictures are not decoded yet.
 #[derive(Clone, Debug)]
-pub struct Assembled {
+pub(super) struct Assembled {
     /// Everything but the views and the options.
     pub document: SheetDocument,
     pub options: Options,
@@ -49,7 +50,7 @@ pub struct Assembled {
 }
 
 /// Puts the parts of the forms `view[…]` and `sheet` together.
-pub fn assemble(mut parts: Parts, limits: &HttpLimits) -> Result<Assembled, Problem> {
+pub(super) fn assemble(mut parts: Parts, limits: &HttpLimits) -> Result<Assembled, Problem> {
     let first_view = parts.any_of_views_form();
     if parts.sheet.is_some() {
         parts.expect_only("sheet", [first_view.as_ref(), None, None])?;
@@ -143,7 +144,7 @@ impl From<FilePart> for Picture {
 }
 
 /// Holds a document against its method and the limits.
-pub fn check(
+pub(super) fn check(
     document: &SheetDocument,
     method: Method,
     limits: &HttpLimits,
@@ -192,15 +193,15 @@ fn parse_sheet(value: Value) -> Result<SheetDocument, Problem> {
 }
 
 /// Reads all options given, lying over `base`.
-pub fn parse_options(parts: &mut Parts, base: Option<Value>) -> Result<Options, Problem> {
+pub(super) fn parse_options(parts: &mut Parts, base: Option<Value>) -> Result<Options, Problem> {
     let given = std::mem::take(&mut parts.given);
     let all = given.over(base.unwrap_or_else(|| Value::Object(Map::new())))?;
-    options::parse(&all).map_err(|problems| Problem::options(&problems))
+    draft::options::parse(&all).map_err(|problems| Problem::options(&problems))
 }
 
 impl Assembled {
     /// The pictures to decode, drawings before masks of each view.
-    pub fn pictures(&self) -> Vec<(&str, &Bytes)> {
+    pub(super) fn pictures(&self) -> Vec<(&str, &Bytes)> {
         let mut pictures = Vec::new();
         for PicturedView { drawing, mask, .. } in &self.views {
             pictures.extend(std::iter::once(drawing).chain(mask));
@@ -209,14 +210,14 @@ impl Assembled {
     }
 
     /// The pictures of true values to decode, by rising azimuth.
-    pub fn truths(&self) -> Vec<&TruthPicture> {
+    pub(super) fn truths(&self) -> Vec<&TruthPicture> {
         self.views.iter().filter_map(|view| view.truth.as_ref()).collect()
     }
 
     /// Checks the sizes found by decoding [`Self::pictures`] and
     /// [`Self::truths`] and names the files for storage. Returns the complete
     /// document of the job and the named files.
-    pub fn finish(
+    pub(super) fn finish(
         self,
         decoded: &[Decoded],
         truths: &[CheckedTruth],

@@ -3,15 +3,15 @@ use super::parts::FilePart;
 use crate::http::problem::{INVALID_SHEET, MISSING_FILE, Problem, UNKNOWN_PART};
 
 /// The files of a sheet form, found by the names in the document.
-pub struct Files(Vec<(FilePart, bool)>);
+pub(super) struct Files(Vec<(FilePart, bool)>);
 
 impl Files {
-    pub fn new(files: impl IntoIterator<Item = FilePart>) -> Self {
+    pub(super) fn new(files: impl IntoIterator<Item = FilePart>) -> Self {
         Self(files.into_iter().map(|file| (file, false)).collect())
     }
 
     /// The file that the document calls `name`.
-    pub fn take(&mut self, name: &str) -> Result<Picture, Problem> {
+    pub(super) fn take(&mut self, name: &str) -> Result<Picture, Problem> {
         self.take_if_sent(name)?.ok_or_else(|| {
             let detail = format!(
                 "the sheet names `{name}`, but no such file was sent; add -F 'image=@{name}'"
@@ -22,7 +22,7 @@ impl Files {
 
     /// The file that the document calls `name`, if there is one. Clients send a
     /// file's last name only, so `front/a.png` is also found as `a.png`.
-    pub fn take_if_sent(&mut self, name: &str) -> Result<Option<Picture>, Problem> {
+    pub(super) fn take_if_sent(&mut self, name: &str) -> Result<Option<Picture>, Problem> {
         let last = name.rsplit(['/', '\\']).next().unwrap_or(name);
         let found = [name, last]
             .into_iter()
@@ -37,7 +37,7 @@ impl Files {
         Ok(Some(file.clone().into()))
     }
 
-    pub fn expect_all_used(&self) -> Result<(), Problem> {
+    pub(super) fn expect_all_used(&self) -> Result<(), Problem> {
         let unused = self.0.iter().find(|(_, used)| !used);
         unused.map_or(Ok(()), |(file, _)| {
             let detail = format!(

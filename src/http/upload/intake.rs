@@ -17,10 +17,10 @@ const DRAIN_TIME: Duration = Duration::from_secs(5);
 
 /// Bytes that all uploads together may hold in memory.
 #[derive(Clone, Debug)]
-pub struct Budget(Arc<Semaphore>);
+pub(crate) struct Budget(Arc<Semaphore>);
 
 impl Budget {
-    pub fn new(bytes: u64) -> Self {
+    pub(crate) fn new(bytes: u64) -> Self {
         let permits = usize::try_from(bytes).unwrap_or(usize::MAX);
         Self(Arc::new(Semaphore::new(permits.min(Semaphore::MAX_PERMITS))))
     }
@@ -28,7 +28,7 @@ impl Budget {
 
 /// Why the body could not be read on.
 #[derive(Debug, thiserror::Error)]
-pub enum IntakeError {
+pub(super) enum IntakeError {
     #[error("the body is over the limit of {limit} bytes")]
     TooLarge { limit: u64 },
     #[error("too many uploads are being received")]
@@ -38,7 +38,7 @@ pub enum IntakeError {
 }
 
 /// The bytes of one request body, counted against its limit and the budget.
-pub struct Intake {
+pub(super) struct Intake {
     body: BodyDataStream,
     limit: u64,
     received: u64,
@@ -47,7 +47,7 @@ pub struct Intake {
 }
 
 impl Intake {
-    pub fn new(body: Body, limit: u64, budget: Budget) -> Self {
+    pub(super) fn new(body: Body, limit: u64, budget: Budget) -> Self {
         Self { body: body.into_data_stream(), limit, received: 0, budget, held: None }
     }
 
@@ -67,13 +67,13 @@ impl Intake {
     }
 
     /// The hold on the budget, to be kept as long as the bytes.
-    pub fn into_hold(self) -> Option<OwnedSemaphorePermit> {
+    pub(super) fn into_hold(self) -> Option<OwnedSemaphorePermit> {
         self.held
     }
 
     /// Throws away the rest of the body. A server that answers and closes while
     /// the client still sends resets the connection, and the answer is lost.
-    pub async fn drain(mut self) {
+    pub(super) async fn drain(mut self) {
         self.held = None;
         // A body over its limit is likely to be about as large as that again.
         let mut left = self.limit.saturating_mul(2);
@@ -101,7 +101,7 @@ impl Stream for Intake {
 }
 
 /// The problem behind an error of the multipart reader.
-pub fn multipart_problem(error: multer::Error) -> Problem {
+pub(super) fn multipart_problem(error: multer::Error) -> Problem {
     let multer::Error::StreamReadFailed(cause) = &error else {
         return Problem::new(
             MALFORMED_MULTIPART,
@@ -122,7 +122,7 @@ pub fn multipart_problem(error: multer::Error) -> Problem {
 }
 
 /// The problem of a body over its limit.
-pub fn too_large(limit: u64) -> Problem {
+pub(super) fn too_large(limit: u64) -> Problem {
     Problem::new(
         BODY_TOO_LARGE,
         format!("the body is over the limit of {limit} bytes; send smaller or fewer pictures"),

@@ -1,11 +1,12 @@
 use serde_json::Value;
 
+use crate::draft::options::Options;
 use crate::http::problem::{INVALID_SHEET, Problem};
-use crate::options::Options;
-use crate::sheet::{self, Azimuth, PairMatchesDocument, PictureSize};
+use frames::Azimuth;
+use sheet::{PairMatchesDocument, PictureSize};
 
 /// Reads the parts `matches`: each one pair's document, or a list of them.
-pub fn parse(parts: Vec<Value>) -> Result<Vec<PairMatchesDocument>, Problem> {
+pub(super) fn parse(parts: Vec<Value>) -> Result<Vec<PairMatchesDocument>, Problem> {
     let mut pairs = Vec::new();
     for part in parts {
         let entries = match part {
@@ -28,7 +29,7 @@ pub fn parse(parts: Vec<Value>) -> Result<Vec<PairMatchesDocument>, Problem> {
 }
 
 /// Lays pairs over a document's own; those of other pairs stay.
-pub fn lay_over(own: &mut Vec<PairMatchesDocument>, given: Vec<PairMatchesDocument>) {
+pub(super) fn lay_over(own: &mut Vec<PairMatchesDocument>, given: Vec<PairMatchesDocument>) {
     let pair = |one: &PairMatchesDocument| {
         [one.left_azimuth_deg, one.right_azimuth_deg].map(Azimuth::from_degrees)
     };
@@ -37,7 +38,7 @@ pub fn lay_over(own: &mut Vec<PairMatchesDocument>, given: Vec<PairMatchesDocume
 }
 
 /// Holds all matches against the views they are for, given by rising azimuth.
-pub fn check(
+pub(super) fn check(
     documents: &[PairMatchesDocument],
     views: &[(Azimuth, PictureSize)],
     options: &Options,

@@ -6,19 +6,19 @@
 
 mod assemble;
 mod files;
-mod given;
 mod intake;
 mod matches;
 mod model;
+mod option_parts;
 mod parts;
 mod pictures;
 mod source;
 mod truths;
 
-pub use intake::Budget;
-pub use model::ModelForm;
-pub use parts::Parts;
-pub use pictures::Decoders;
+pub(super) use intake::Budget;
+pub(super) use model::ModelForm;
+pub(super) use parts::Parts;
+pub(super) use pictures::Decoders;
 
 use std::future::Future;
 
@@ -34,14 +34,14 @@ use tokio::sync::OwnedSemaphorePermit;
 use self::intake::{Intake, too_large};
 use super::problem::{Problem, REQUEST_TIMEOUT, UNSUPPORTED_MEDIA_TYPE};
 use super::{Api, HttpLimits};
-use crate::artifacts::{ByteError, ByteStore, Key};
-use crate::jobs::{Job, JobId, NewJob};
+use jobs::bytes::{ByteError, ByteStore, Key};
+use jobs::{Job, JobId, NewJob};
 
 /// How many inputs are written at a time: each waits for the disk.
 const CONCURRENT_WRITES: usize = 8;
 
 /// The parts of one kind of upload.
-pub trait Form: Default + Send {
+pub(super) trait Form: Default + Send {
     /// Takes a part, held against its own limit while it arrives.
     fn read_one(
         &mut self,
@@ -54,7 +54,7 @@ pub trait Form: Default + Send {
 }
 
 /// A checked upload: the job that it will be.
-pub struct Upload {
+pub(super) struct Upload {
     kind: &'static str,
     payload: Value,
     inputs: Inputs,
@@ -76,7 +76,7 @@ impl Upload {
 }
 
 /// Receives an upload and enqueues its job. Job and inputs are durable on return.
-pub async fn receive<F: Form>(api: &Api, request: Request) -> Result<Job, Problem> {
+pub(super) async fn receive<F: Form>(api: &Api, request: Request) -> Result<Job, Problem> {
     let receiving = async {
         let (form, hold) = read_form::<F>(api, request).await?;
         Ok((form.check(api).await?, hold))

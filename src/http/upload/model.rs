@@ -2,13 +2,9 @@ use bytes::Bytes;
 use multer::Field;
 use serde_json::{Map, Value};
 
-use super::given::GivenOptions;
+use super::option_parts::GivenOptions;
 use super::parts::{expect_new, is_option_name, part_name, read_limited, read_text};
 use super::{Form, Inputs, Upload};
-use crate::draw::{
-    DRAWING, DrawError, DrawOptions, DrawPayload, ModelFile, ModelSource, PreparedModel,
-    SheetLimits, check_sheet,
-};
 use crate::http::problem::{
     CAMERA_INSIDE_MODEL, DUPLICATE_AZIMUTH, EMPTY_FILE, EXTERNAL_REFERENCE, INVALID_ANGLE,
     INVALID_MODEL, INVALID_OPTION, INVALID_PART_NAME, MISSING_PART, MODEL_TOO_LARGE,
@@ -16,10 +12,13 @@ use crate::http::problem::{
     UNKNOWN_PART, UNSUPPORTED_MODEL,
 };
 use crate::http::{Api, HttpLimits};
-use crate::model_io::{Limits, ModelError, ModelFormat, UpAxis};
-use crate::models::ProceduralModel;
-use crate::options;
-use crate::sheet::{Azimuth, AzimuthList};
+use crate::kinds::{DRAWING, DrawPayload, ModelFile, ModelSource};
+use drawing::{DrawError, DrawOptions, PreparedModel, SheetLimits, check_sheet};
+use frames::UpAxis;
+use mesh::builtin::ProceduralModel;
+use mesh::read::{Limits, ModelError, ModelFormat};
+
+use frames::{Azimuth, AzimuthList};
 
 /// What a text that names a built-in model begins with, as on the command line.
 const BUILTIN: &str = "builtin:";
@@ -28,7 +27,7 @@ const DEFAULT_AZIMUTHS: &str = "0:90:5";
 
 /// The parts of an upload that is to be drawn.
 #[derive(Debug, Default)]
-pub struct ModelForm {
+pub(crate) struct ModelForm {
     model: Option<Given>,
     azimuths: Option<AzimuthList>,
     up_axis: Option<UpAxis>,
@@ -209,7 +208,7 @@ fn draw_problem(error: &DrawError) -> Problem {
         DrawError::TooManyViews { .. } => (TOO_MANY_VIEWS, "azimuths"),
         DrawError::NoViews => (INVALID_ANGLE, "azimuths"),
         DrawError::DuplicateView { .. } => (DUPLICATE_AZIMUTH, "azimuths"),
-        DrawError::TooComplex { .. } | DrawError::Cancelled | DrawError::Encoding { .. } => {
+        DrawError::TooComplex { .. } | DrawError::Cancelled(_) | DrawError::Encoding { .. } => {
             return Problem::internal("checking a drawing", error);
         }
     };

@@ -3,8 +3,8 @@ use multer::{Field, Multipart};
 use serde_json::Value;
 
 use super::assemble::assemble;
-use super::given::GivenOptions;
 use super::intake::multipart_problem;
+use super::option_parts::GivenOptions;
 use super::pictures::{check_start, image_problem};
 use super::{Form, Inputs, Upload, source, truths};
 use crate::http::problem::{
@@ -13,8 +13,9 @@ use crate::http::problem::{
     UNKNOWN_PART,
 };
 use crate::http::{Api, HttpLimits};
-use crate::model_io::ModelFormat;
-use crate::sheet::{Azimuth, RECONSTRUCTION, ReconstructionPayload};
+use crate::kinds::{RECONSTRUCTION, ReconstructionPayload};
+use frames::Azimuth;
+use mesh::read::ModelFormat;
 
 const MAX_PARTS: usize = 1024;
 const MAX_NAME_BYTES: usize = 200;
@@ -22,7 +23,7 @@ const MAX_FIELD_BYTES: usize = 4096;
 
 /// A picture as it came.
 #[derive(Clone, Debug)]
-pub struct FilePart {
+pub(crate) struct FilePart {
     /// Name of the part; in the sheet form, of the file.
     pub file: String,
     pub bytes: Bytes,
@@ -30,7 +31,7 @@ pub struct FilePart {
 
 /// Everything an upload holds, none of it checked against the rest.
 #[derive(Debug, Default)]
-pub struct Parts {
+pub(crate) struct Parts {
     pub views: Vec<(Azimuth, FilePart)>,
     pub masks: Vec<(Azimuth, FilePart)>,
     /// Pictures of true values.
@@ -66,7 +67,7 @@ enum Kind {
 }
 
 /// Reads all parts.
-pub async fn read<F: Form>(
+pub(super) async fn read<F: Form>(
     mut multipart: Multipart<'_>,
     limits: &HttpLimits,
 ) -> Result<F, Problem> {
@@ -202,14 +203,18 @@ impl Parts {
     }
 
     /// The name of a part of the form `view[…]`, if there is one.
-    pub fn any_of_views_form(&self) -> Option<String> {
+    pub(crate) fn any_of_views_form(&self) -> Option<String> {
         let placed = [&self.views, &self.masks, &self.truths];
         let mut names = placed.into_iter().flatten().map(|(_, file)| file.file.clone());
         names.next().or(self.truth.is_some().then(|| "truth".to_owned()))
     }
 
     /// Refuses parts of another upload form beside `form`.
-    pub fn expect_only(&self, form: &str, others: [Option<&String>; 3]) -> Result<(), Problem> {
+    pub(crate) fn expect_only(
+        &self,
+        form: &str,
+        others: [Option<&String>; 3],
+    ) -> Result<(), Problem> {
         let Some(part) = others.into_iter().flatten().next() else { return Ok(()) };
         let detail = format!("`{part}` does not go with `{form}`; use one form of upload");
         Err(Problem::new(CONFLICTING_PARTS, detail).part(part))
@@ -281,7 +286,7 @@ fn kind(name: &str, file_name: Option<&str>) -> Result<Kind, Problem> {
     }
 }
 
-pub fn unknown_part(name: &str) -> Problem {
+pub(super) fn unknown_part(name: &str) -> Problem {
     let detail = format!(
         "`{name}` is no part of this upload; drawings are named like `view[45]`, or like a picture in the part `sheet`"
     );

@@ -6,24 +6,25 @@ use image::ImageFormat;
 use tokio::sync::Semaphore;
 
 use crate::http::problem::{DAMAGED_IMAGE, NOT_AN_IMAGE, PART_TOO_LARGE, Problem, TOO_MANY_PIXELS};
-use crate::sheet::{self, ImageError, ImageLimits, PictureSize};
+use picture::{ImageError, ImageLimits};
+use sheet::PictureSize;
 
 /// Decodes at once, in all uploads together.
 #[derive(Clone, Debug)]
-pub struct Decoders {
+pub(crate) struct Decoders {
     slots: Arc<Semaphore>,
     count: usize,
 }
 
 /// What decoding a picture told.
 #[derive(Clone, Copy, Debug)]
-pub struct Decoded {
+pub(crate) struct Decoded {
     pub format: ImageFormat,
     pub size: PictureSize,
 }
 
 impl Decoders {
-    pub fn new(count: usize) -> Self {
+    pub(crate) fn new(count: usize) -> Self {
         let count = count.max(1);
         Self { slots: Arc::new(Semaphore::new(count)), count }
     }
@@ -35,7 +36,7 @@ impl Decoders {
 
     /// Decodes every picture to its end on blocking threads, a few at a time,
     /// and throws the pixels away. The first bad picture ends it.
-    pub async fn decode_all(
+    pub(crate) async fn decode_all(
         &self,
         pictures: &[(&str, &Bytes)],
         limits: &ImageLimits,
@@ -59,7 +60,7 @@ impl Decoders {
     }
 
     /// Runs `work` on a blocking thread once there is a slot.
-    pub async fn run<T: Send + 'static>(
+    pub(crate) async fn run<T: Send + 'static>(
         &self,
         work: impl FnOnce() -> T + Send + 'static,
     ) -> Result<T, Problem> {
@@ -75,22 +76,22 @@ impl Decoders {
 }
 
 fn decode(bytes: &[u8], limits: &ImageLimits) -> Result<Decoded, ImageError> {
-    let (format, width, height) = sheet::inspect(bytes, limits)?;
-    sheet::decode(bytes, limits)?;
+    let (format, width, height) = picture::inspect(bytes, limits)?;
+    picture::decode(bytes, limits)?;
     Ok(Decoded { format, size: PictureSize { width, height } })
 }
 
 /// Refuses a picture whose first bytes already say that it cannot be taken. A
 /// header that is not there to its end yet says nothing.
-pub fn check_start(start: &[u8], limits: &ImageLimits) -> Result<(), ImageError> {
-    match sheet::inspect(start, limits) {
+pub(super) fn check_start(start: &[u8], limits: &ImageLimits) -> Result<(), ImageError> {
+    match picture::inspect(start, limits) {
         Err(ImageError::Damaged(_)) | Ok(_) => Ok(()),
         Err(error) => Err(error),
     }
 }
 
 /// Says what is wrong with the picture of `part`, and how to mend it.
-pub fn image_problem(part: &str, error: &ImageError) -> Problem {
+pub(super) fn image_problem(part: &str, error: &ImageError) -> Problem {
     let (kind, mend) = match error {
         ImageError::TooManyBytes { .. } => (PART_TOO_LARGE, "compress it or scale it down"),
         ImageError::TooManyPixels { .. } => (TOO_MANY_PIXELS, "scale it down"),
@@ -101,7 +102,7 @@ pub fn image_problem(part: &str, error: &ImageError) -> Problem {
 }
 
 /// The usual ending of a picture file's name.
-pub fn extension(format: ImageFormat) -> &'static str {
+pub(super) fn extension(format: ImageFormat) -> &'static str {
     match format {
         ImageFormat::Jpeg => "jpg",
         ImageFormat::WebP => "webp",

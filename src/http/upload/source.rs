@@ -5,12 +5,14 @@ use super::matches;
 use super::parts::Parts;
 use crate::http::Api;
 use crate::http::problem::{DIFFERING_SIZES, Problem, UNKNOWN_SOURCE};
-use crate::jobs::{JobId, StoreError};
-use crate::sheet::{Azimuth, PictureSize, RECONSTRUCTION, ReconstructionPayload, SheetDocument};
+use crate::kinds::{RECONSTRUCTION, ReconstructionPayload};
+use frames::Azimuth;
+use jobs::{JobId, StoreError};
+use sheet::{PictureSize, SheetDocument};
 
 /// The document of a job that runs again on the views of `source`: its options
 /// with the given ones laid over them.
-pub async fn rerun(
+pub(super) async fn rerun(
     api: &Api,
     source: &str,
     mut parts: Parts,
@@ -54,7 +56,7 @@ fn sizes(document: &SheetDocument) -> Vec<(Azimuth, PictureSize)> {
 }
 
 /// The stored files that a document names.
-pub fn input_names(document: &SheetDocument) -> Vec<String> {
+pub(super) fn input_names(document: &SheetDocument) -> Vec<String> {
     let of_views = document.views.iter().flat_map(|view| {
         [Some(view.image.as_str()), view.mask.as_deref(), view.truth().map(|(_, name)| name)]
     });
@@ -63,7 +65,7 @@ pub fn input_names(document: &SheetDocument) -> Vec<String> {
 }
 
 /// The source was deleted while its pictures were being copied.
-pub fn gone(source: JobId) -> Problem {
+pub(super) fn gone(source: JobId) -> Problem {
     unknown(&source.to_string())
 }
 

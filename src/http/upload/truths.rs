@@ -10,15 +10,17 @@ use serde_json::Value;
 use super::assemble::{Assembled, Picture};
 use super::parts::FilePart;
 use super::pictures::Decoders;
-use crate::evaluation::{TruthEncoding, TruthError, decode_truth, has_values};
 use crate::http::HttpLimits;
 use crate::http::problem::{INVALID_TRUTH, PART_TOO_LARGE, Problem, TOO_MANY_PIXELS};
-use crate::model_io::{self, ModelError, ModelFormat, UpAxis};
-use crate::sheet::{ImageLimits, PictureSize, SheetDocument, TruthDocument, TruthKind};
+use evaluation::{TruthEncoding, TruthError, decode_truth, has_values};
+use frames::UpAxis;
+use mesh::read::{self, ModelError, ModelFormat};
+use picture::ImageLimits;
+use sheet::{PictureSize, SheetDocument, TruthDocument, TruthKind};
 
 /// A picture of true values, not decoded yet.
 #[derive(Clone, Debug)]
-pub struct TruthPicture {
+pub(super) struct TruthPicture {
     /// What it holds; unsaid, 8-bit PNG are ramps and the others depth.
     pub kind: Option<TruthKind>,
     pub picture: Picture,
@@ -26,7 +28,7 @@ pub struct TruthPicture {
 
 /// What decoding a picture of true values told.
 #[derive(Clone, Copy, Debug)]
-pub struct CheckedTruth {
+pub(super) struct CheckedTruth {
     pub kind: TruthKind,
     pub encoding: TruthEncoding,
     pub size: PictureSize,
@@ -34,7 +36,7 @@ pub struct CheckedTruth {
 
 /// The true model, not read yet.
 #[derive(Clone, Debug)]
-pub struct ModelFile {
+pub(super) struct ModelFile {
     file: Picture,
     format: ModelFormat,
 }
@@ -43,7 +45,7 @@ pub struct ModelFile {
 /// truth.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct TruthFields {
+pub(super) struct TruthFields {
     /// What the pictures of true values hold.
     pub kind: Option<TruthKind>,
     pixels_per_unit: Option<f64>,
@@ -54,7 +56,7 @@ pub struct TruthFields {
 }
 
 impl TruthFields {
-    pub fn parse(value: Option<Value>) -> Result<Self, Problem> {
+    pub(super) fn parse(value: Option<Value>) -> Result<Self, Problem> {
         let Some(value) = value else { return Ok(Self::default()) };
         if !value.is_object() {
             let detail = "the part `truth` must be a JSON object";
@@ -67,7 +69,7 @@ impl TruthFields {
     }
 
     /// Puts them into a sheet document.
-    pub fn describe(&self, document: &mut SheetDocument, model: Option<&ModelFile>) {
+    pub(super) fn describe(&self, document: &mut SheetDocument, model: Option<&ModelFile>) {
         document.pixels_per_unit = self.pixels_per_unit;
         document.truth = Some(TruthDocument {
             model: model.map(|model| model.file.part.clone()),
@@ -81,12 +83,12 @@ impl TruthFields {
 
 impl ModelFile {
     /// A model under its file's name.
-    pub fn new(file: FilePart) -> Result<Self, Problem> {
+    pub(super) fn new(file: FilePart) -> Result<Self, Problem> {
         let name = file.file.clone();
         Self::named(&name, Picture { part: "truth_model".to_owned(), ..file.into() })
     }
 
-    pub fn named(name: &str, file: Picture) -> Result<Self, Problem> {
+    pub(super) fn named(name: &str, file: Picture) -> Result<Self, Problem> {
         let format = ModelFormat::from_file_name(name).ok_or_else(|| {
             let detail = format!(
                 "the true model's name `{name}` ends in none of .obj, .ply, .stl, .glb, .gltf"
@@ -97,7 +99,7 @@ impl ModelFile {
     }
 
     /// Its name in the job's inputs, entered into `document`, and its bytes.
-    pub fn store(self, document: &mut SheetDocument) -> (String, Bytes) {
+    pub(super) fn store(self, document: &mut SheetDocument) -> (String, Bytes) {
         let name = format!("truth/model.{}", self.format.extension());
         document.truth.get_or_insert_default().model = Some(name.clone());
         (name, self.file.bytes)
@@ -106,7 +108,7 @@ impl ModelFile {
 
 /// Decodes all pictures of true values and reads the true model, a few at a
 /// time, and throws the values away. The first bad one ends it.
-pub async fn check_all(
+pub(super) async fn check_all(
     decoders: &Decoders,
     assembled: &Assembled,
     limits: &HttpLimits,
@@ -168,11 +170,11 @@ async fn check_model(
     decoders: &Decoders,
     model: ModelFile,
     document: Arc<SheetDocument>,
-    limits: model_io::Limits,
+    limits: read::Limits,
 ) -> Result<(), Problem> {
     let ModelFile { file: Picture { part, bytes }, format } = model;
     let up_axis = document.truth.as_ref().and_then(|truth| truth.model_up_axis);
-    let read = decoders.run(move || model_io::load(&bytes, format, up_axis, &limits).map(drop));
+    let read = decoders.run(move || read::load(&bytes, format, up_axis, &limits).map(drop));
     read.await?.map_err(|error| {
         let kind = match error {
             ModelError::TooManyBytes { .. } => PART_TOO_LARGE,

@@ -1,21 +1,20 @@
 use std::fmt::Display;
 use std::io;
-use std::ops::ControlFlow;
 use std::thread;
 
 use rayon::ThreadPoolBuilder;
 use serde::Deserialize;
-use serde_json::json;
 
+use super::failure;
 use super::sink::AttemptSink;
-use crate::draft::Carrier;
-use crate::draw::{
-    DRAWING, DrawError, DrawPayload, ModelSource, PreparedModel, SheetLimits, draw_sheet,
-};
-use crate::jobs::Failure;
-use crate::model_io::{Limits, Model, ModelError};
-use crate::sheet::Azimuth;
+use super::watch::Watch;
+use crate::failure_code::FailureCode;
+use crate::kinds::{DRAWING, DrawPayload, ModelSource};
 use crate::worker::{Attempt, Work, WorkError};
+use artifacts::Delivery;
+use drawing::{DrawError, PreparedModel, SheetLimits, draw_sheet};
+use frames::Azimuth;
+use mesh::read::{Limits, Model, ModelError};
 
 /// Draws a sheet of the job's model.
 #[derive(Clone, Copy, Debug, Default)]
@@ -38,21 +37,27 @@ impl Work for Draw {
         let azimuths = payload.azimuths_deg.iter().map(|&degrees| Azimuth::from_degrees(degrees));
         let azimuths: Vec<_> = azimuths.collect::<Result<_, _>>().map_err(|e| unreadable(&e))?;
         let model = PreparedModel::new(&self.load(&payload.model, attempt)?)?;
-        let progress = |done: usize| report(attempt, done, azimuths.len());
         let pool = ThreadPoolBuilder::new().num_threads(attempt.threads().max(1)).build();
         let pool = pool.map_err(|error| WorkError::Broken(error.to_string()))?;
         let mut sink = AttemptSink(attempt);
         thread::scope(|scope| {
-            let carrier = Carrier::start(scope, &mut sink);
+            let delivery = Delivery::start(scope, &mut sink);
             let mut keep = |artifact| {
                 let stopped = || WorkError::Broken("files are taken no more".to_owned());
-                carrier.send(artifact).then_some(()).ok_or_else(stopped)
+                delivery.send(artifact).then_some(()).ok_or_else(stopped)
             };
             let drawn = pool.install(|| {
-                draw_sheet(&model, &azimuths, &payload.options, &self.sheet, &progress, &mut keep)
+                draw_sheet(
+                    &model,
+                    &azimuths,
+                    &payload.options,
+                    &self.sheet,
+                    &Watch(attempt),
+                    &mut keep,
+                )
             });
             // Why files are taken no more, if so.
-            carrier.finish()?;
+            delivery.finish()?;
             drawn
         })
     }
@@ -67,20 +72,12 @@ impl Draw {
     }
 }
 
-/// The page and the bundle are about as much work as a view.
-fn report(attempt: &Attempt<'_>, done: usize, total: usize) -> ControlFlow<()> {
-    let fraction = done as f64 / (total + 1) as f64;
-    let progress = json!({"stage": "views", "done": done, "total": total, "fraction": fraction});
-    attempt.report(fraction, progress);
-    if attempt.is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-}
-
 impl From<DrawError> for WorkError {
     fn from(error: DrawError) -> Self {
         match error {
-            DrawError::Cancelled => Self::Cancelled,
+            DrawError::Cancelled(_) => Self::Cancelled,
             DrawError::Encoding { .. } => Self::Broken(error.to_string()),
-            _ => Self::Input(Failure { code: error.code().to_owned(), detail: error.to_string() }),
+            _ => Self::Input(failure(FailureCode::from(&error), error)),
         }
     }
 }
@@ -88,7 +85,7 @@ impl From<DrawError> for WorkError {
 /// Uploads are checked, so this is a model that an older version took.
 impl From<ModelError> for WorkError {
     fn from(error: ModelError) -> Self {
-        Self::Input(Failure { code: "invalid_model".to_owned(), detail: error.to_string() })
+        Self::Input(failure(FailureCode::InvalidModel, error))
     }
 }
 

@@ -1,11 +1,12 @@
 use serde::Deserialize;
 
+use super::failure;
 use super::sink::AttemptSink;
+use super::watch::Watch;
 use crate::draft::{self, DraftError};
-use crate::jobs::Failure;
-use crate::pipeline::{Observer, Progress};
-use crate::sheet::{ImageLimits, RECONSTRUCTION, ReconstructionPayload};
+use crate::kinds::{RECONSTRUCTION, ReconstructionPayload};
 use crate::worker::{Attempt, Work, WorkError};
+use picture::ImageLimits;
 
 /// Reconstructs a sheet from the job's inputs.
 #[derive(Clone, Copy, Debug, Default)]
@@ -34,32 +35,13 @@ impl Work for Reconstruct {
     }
 }
 
-/// Lets the pool watch and stop the reconstruction.
-struct Watch<'a>(&'a Attempt<'a>);
-
-impl Observer for Watch<'_> {
-    fn progress(&self, progress: Progress) {
-        let fraction = progress.fraction;
-        match serde_json::to_value(progress) {
-            Ok(progress) => self.0.report(fraction, progress),
-            Err(error) => tracing::warn!(%error, "progress can't be written as JSON"),
-        }
-    }
-
-    fn is_cancelled(&self) -> bool {
-        self.0.is_cancelled()
-    }
-}
-
 impl From<DraftError> for WorkError {
     fn from(error: DraftError) -> Self {
         match error {
-            DraftError::Input { code, detail } => {
-                Self::Input(Failure { code: code.to_owned(), detail })
-            }
+            DraftError::Input { code, detail } => Self::Input(failure(code, detail)),
             DraftError::Cancelled(_) => Self::Cancelled,
             DraftError::Io(error) => Self::Broken(error.to_string()),
-            DraftError::Internal(detail) => Self::Broken(detail),
+            DraftError::Internal(error) => Self::Broken(error.to_string()),
         }
     }
 }

@@ -1,7 +1,7 @@
 use std::io;
 
-use crate::export::{Artifact, ArtifactName, ArtifactSink, ArtifactWriter};
 use crate::worker::{Attempt, Upload};
+use artifacts::{Artifact, ArtifactName, ArtifactSink, ArtifactWriter};
 
 /// Files become the attempt's artifacts.
 pub(super) struct AttemptSink<'a, 'b>(pub &'a Attempt<'b>);

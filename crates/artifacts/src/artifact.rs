@@ -1,0 +1,160 @@
+//! Files with names and media types, and where they go.
+
+use std::{fmt, io};
+
+use bytes::Bytes;
+
+use frames::Azimuth;
+
+/// The media type of float maps; none is registered, this is the usual one.
+pub const PFM_MEDIA_TYPE: &str = "image/x-portable-floatmap";
+
+/// Which file of a view.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum ViewArtifact {
+    /// 8-bit picture, near is white.
+    DisparityPng,
+    /// Disparity in px, 32-bit float.
+    DisparityPfm,
+    /// 16-bit picture; scale and offset are in the metrics.
+    DepthPng,
+    /// Depth in px, 32-bit float.
+    DepthPfm,
+    /// Unit normals in the view's frame: x right, y up, z to the camera.
+    NormalsPng,
+    /// The subject's area, white.
+    SilhouettePng,
+}
+
+/// Which file of a pair of views.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum PairArtifact {
+    /// Both drawings side by side with their matches.
+    MatchesPng,
+    MatchesJson,
+    /// The rectified drawings side by side with epipolar lines.
+    RectifiedPng,
+}
+
+/// The name of everything a reconstruction can leave behind.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ArtifactName {
+    View(Azimuth, ViewArtifact),
+    Pair(Azimuth, Azimuth, PairArtifact),
+    Cloud,
+    Hull,
+    /// The turntable method's surface; vertex colours say what it rests on.
+    Solid,
+    /// The same, quads where they fit.
+    SolidObj,
+    /// The same with the drawings projected on it.
+    Textured,
+    Thumbnail,
+    Metrics,
+    Timings,
+    Bundle,
+}
+
+impl ArtifactName {
+    /// The media type of the bytes.
+    pub fn media_type(self) -> &'static str {
+        use ViewArtifact::{
+            DepthPfm, DepthPng, DisparityPfm, DisparityPng, NormalsPng, SilhouettePng,
+        };
+        match self {
+            Self::View(_, DisparityPng | DepthPng | NormalsPng | SilhouettePng)
+            | Self::Pair(_, _, PairArtifact::MatchesPng | PairArtifact::RectifiedPng)
+            | Self::Thumbnail => "image/png",
+            Self::View(_, DisparityPfm | DepthPfm) => PFM_MEDIA_TYPE,
+            Self::Pair(_, _, PairArtifact::MatchesJson) | Self::Metrics | Self::Timings => {
+                "application/json"
+            }
+            Self::Cloud => "model/ply",
+            Self::Hull | Self::Solid | Self::Textured => "model/gltf-binary",
+            Self::SolidObj => "model/obj",
+            Self::Bundle => "application/zip",
+        }
+    }
+}
+
+/// The path below the job's artifacts, such as `views/45/disparity.png`.
+impl fmt::Display for ArtifactName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::View(azimuth, artifact) => {
+                let file = match artifact {
+                    ViewArtifact::DisparityPng => "disparity.png",
+                    ViewArtifact::DisparityPfm => "disparity.pfm",
+                    ViewArtifact::DepthPng => "depth.png",
+                    ViewArtifact::DepthPfm => "depth.pfm",
+                    ViewArtifact::NormalsPng => "normals.png",
+                    ViewArtifact::SilhouettePng => "silhouette.png",
+                };
+                write!(f, "views/{azimuth}/{file}")
+            }
+            Self::Pair(left, right, artifact) => {
+                let file = match artifact {
+                    PairArtifact::MatchesPng => "matches.png",
+                    PairArtifact::MatchesJson => "matches.json",
+                    PairArtifact::RectifiedPng => "rectified.png",
+                };
+                write!(f, "pairs/{left}-{right}/{file}")
+            }
+            Self::Cloud => f.write_str("cloud.ply"),
+            Self::Hull => f.write_str("hull.glb"),
+            Self::Solid => f.write_str("solid.glb"),
+            Self::SolidObj => f.write_str("solid.obj"),
+            Self::Textured => f.write_str("textured.glb"),
+            Self::Thumbnail => f.write_str("thumbnail.png"),
+            Self::Metrics => f.write_str("metrics.json"),
+            Self::Timings => f.write_str("timings.json"),
+            Self::Bundle => f.write_str("bundle.zip"),
+        }
+    }
+}
+
+/// A finished file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Artifact {
+    /// Path below the job's artifacts.
+    pub name: String,
+    pub media_type: &'static str,
+    /// Shared: a clone is cheap.
+    pub bytes: Bytes,
+}
+
+impl Artifact {
+    pub fn new(name: ArtifactName, bytes: impl Into<Bytes>) -> Self {
+        Self { name: name.to_string(), media_type: name.media_type(), bytes: bytes.into() }
+    }
+}
+
+/// Where files go.
+pub trait ArtifactSink: Send {
+    /// Takes a finished file.
+    fn put(&mut self, artifact: Artifact) -> io::Result<()>;
+
+    /// Begins a file that is written piece by piece.
+    fn create(&mut self, name: ArtifactName) -> io::Result<Box<dyn ArtifactWriter>>;
+}
+
+/// A file on its way. Dropped before [`Self::finish`], it leaves nothing.
+pub trait ArtifactWriter: io::Write + Send {
+    /// All is written.
+    fn finish(self: Box<Self>) -> io::Result<()>;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_those_users_know() {
+        let azimuth = |degrees| Azimuth::from_degrees(degrees).unwrap();
+        let name = ArtifactName::View(azimuth(22.5), ViewArtifact::DepthPfm);
+        assert_eq!(name.to_string(), "views/22.5/depth.pfm");
+        let name = ArtifactName::Pair(azimuth(315.0), azimuth(0.0), PairArtifact::MatchesJson);
+        assert_eq!(name.to_string(), "pairs/315-0/matches.json");
+        assert_eq!(name.media_type(), "application/json");
+    }
+}

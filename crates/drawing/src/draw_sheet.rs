@@ -1,0 +1,215 @@
+//! A sheet from a model: views in parallel, files in order.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use image::DynamicImage;
+use rayon::prelude::*;
+
+use super::documents::{DegradationDocument, sheet_document};
+use super::files::{ArtifactKind, depth_counts};
+use super::page::{InkBounds, PageView, compose_page};
+use super::svg::svg;
+use super::truth::{disparity_towards, normalised_inverse_depth};
+use super::view::check_camera;
+use super::{DrawError, DrawOptions, Drawer, DrawnView, PreparedModel, SheetLimits, ViewError};
+use artifacts::Artifact;
+use frames::Azimuth;
+use picture::encode_pfm;
+use progress::{Observer, Progress, Stage};
+
+/// Views farther apart are no neighbours, degrees.
+const MAX_PAIR_ANGLE_DEG: f64 = 30.0;
+/// Depth images count in fractions of a unit; finer ones would not fit 16 bits.
+const DEPTH_COUNTS_PER_UNIT: f64 = 4096.0;
+/// Pixels of the views whose files are in memory at a time, unless threads need more.
+const PIXELS_AT_A_TIME: u64 = 1 << 23;
+
+/// Draws all views and hands over the files of the sheet as they are made: views by azimuth, the
+/// sheet's own last.
+///
+/// Views are drawn in parallel; the files do not depend on how many at a time.
+///
+/// * `observer`: told after each view, from any thread; may cancel before the next.
+/// * `emit`: takes each file; its error ends the drawing.
+///
+/// # Errors
+/// What [`check_sheet`] finds, [`DrawError::TooComplex`], [`DrawError::Cancelled`], or an error of
+/// `emit`.
+pub fn draw_sheet<E: From<DrawError>>(
+    model: &PreparedModel,
+    azimuths: &[Azimuth],
+    options: &DrawOptions,
+    limits: &SheetLimits,
+    observer: &dyn Observer,
+    emit: &mut (dyn FnMut(Artifact) -> Result<(), E> + Send),
+) -> Result<(), E> {
+    let azimuths = limits.check(azimuths, options)?;
+    let model = model.placed(options);
+    let drawer = Drawer::new(&model, options)?;
+    let depth_scale = depth_counts_per_unit(&model, options);
+    let counter = ViewCounter::new(observer, azimuths.len());
+    let draw = |index: usize| {
+        observer.check()?;
+        let view = drawer.draw_view(azimuths[index])?;
+        let files = view_files(&view, &neighbours(&azimuths, index), options, depth_scale)?;
+        counter.done();
+        Ok(files)
+    };
+    let at_a_time = (PIXELS_AT_A_TIME / options.pixels()) as usize;
+    let at_a_time = at_a_time.max(rayon::current_num_threads());
+    let indices: Vec<usize> = (0..azimuths.len()).collect();
+    let mut views = Vec::with_capacity(azimuths.len());
+    for indices in indices.chunks(at_a_time) {
+        let drawn: Vec<ViewFiles> =
+            indices.par_iter().map(|&index| draw(index)).collect::<Result<_, DrawError>>()?;
+        for view in drawn {
+            view.files.into_iter().try_for_each(&mut *emit)?;
+            views.push(view.summary);
+        }
+    }
+    finished_sheet(&views, &model, options, depth_scale)?.into_iter().try_for_each(emit)
+}
+
+/// Checks everything that can be known before drawing.
+///
+/// # Errors
+/// [`DrawError`] if an option or the list of azimuths is unusable, the sheet is over a limit, or
+/// the model does not fit the camera.
+pub fn check_sheet(
+    model: &PreparedModel,
+    azimuths: &[Azimuth],
+    options: &DrawOptions,
+    limits: &SheetLimits,
+) -> Result<(), DrawError> {
+    limits.check(azimuths, options)?;
+    check_camera(model.placed_radius(options), options)
+}
+
+/// The views before and after one, across 0 too, where they are near enough; each with the signed
+/// angle to it.
+fn neighbours(azimuths: &[Azimuth], index: usize) -> Vec<(Azimuth, f64)> {
+    let own = azimuths[index];
+    let count = azimuths.len();
+    let next = azimuths[(index + 1) % count];
+    let previous = azimuths[(index + count - 1) % count];
+    let ahead = own.degrees_to(next);
+    let behind = previous.degrees_to(own);
+    let mut neighbours = Vec::new();
+    if behind > 0.0 && behind <= MAX_PAIR_ANGLE_DEG {
+        neighbours.push((previous, -behind));
+    }
+    if ahead > 0.0 && ahead <= MAX_PAIR_ANGLE_DEG && (next != previous || ahead != behind) {
+        neighbours.push((next, ahead));
+    }
+    neighbours
+}
+
+/// The same for all views: as fine as 16 bits allow, at most [`DEPTH_COUNTS_PER_UNIT`].
+fn depth_counts_per_unit(model: &PreparedModel, options: &DrawOptions) -> f64 {
+    let centre = options.distance / options.elevation_deg.to_radians().cos();
+    let farthest = centre + model.radius;
+    let mut counts = DEPTH_COUNTS_PER_UNIT;
+    while counts * farthest > f64::from(u16::MAX) {
+        counts /= 2.0;
+    }
+    counts
+}
+
+/// Counts views that several threads draw.
+struct ViewCounter<'a> {
+    observer: &'a dyn Observer,
+    done: AtomicUsize,
+    total: usize,
+}
+
+impl<'a> ViewCounter<'a> {
+    fn new(observer: &'a dyn Observer, total: usize) -> Self {
+        Self { observer, done: AtomicUsize::new(0), total }
+    }
+
+    fn done(&self) {
+        let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
+        self.observer.progress(Progress {
+            stage: Stage::Views,
+            done,
+            total: self.total,
+            unit: None,
+            // The page and the bundle are about as much work as a view.
+            fraction: done as f64 / (self.total + 1) as f64,
+        });
+    }
+}
+
+struct ViewFiles {
+    files: Vec<Artifact>,
+    summary: ViewSummary,
+}
+
+/// What the sheet's own files need of a view.
+struct ViewSummary {
+    page_view: PageView,
+    error: Option<ViewError>,
+}
+
+fn view_files(
+    view: &DrawnView,
+    neighbours: &[(Azimuth, f64)],
+    options: &DrawOptions,
+    depth_scale: f64,
+) -> Result<ViewFiles, DrawError> {
+    let azimuth = view.azimuth;
+    let truth = &view.truth;
+    let grey = |image: &image::GrayImage| DynamicImage::ImageLuma8(image.clone());
+    let mut files = vec![
+        ArtifactKind::View(azimuth).with_image(&view.image)?,
+        ArtifactKind::Strokes(azimuth).with(svg(&view.strokes, options).into_bytes()),
+        ArtifactKind::Depth(azimuth).with_image(&depth_counts(&truth.depth, depth_scale))?,
+        ArtifactKind::DepthFloat(azimuth).with(encode_pfm(&truth.depth)),
+        ArtifactKind::InverseDepth(azimuth)
+            .with_image(&grey(&normalised_inverse_depth(&truth.depth)))?,
+        ArtifactKind::Mask(azimuth).with_image(&grey(&truth.mask))?,
+        ArtifactKind::Normals(azimuth)
+            .with_image(&DynamicImage::ImageRgb8(truth.normals.clone()))?,
+    ];
+    for &(other, angle_deg) in neighbours {
+        let disparity = disparity_towards(&truth.depth, &view.camera, options, angle_deg);
+        files.push(ArtifactKind::Disparity(azimuth, other).with(encode_pfm(&disparity)));
+    }
+    let page_view =
+        PageView { azimuth, image: on_white(&view.image), ink: InkBounds::of(&view.strokes) };
+    Ok(ViewFiles { files, summary: ViewSummary { page_view, error: view.error } })
+}
+
+/// The page is white, whatever is behind the views.
+fn on_white(image: &DynamicImage) -> image::GrayImage {
+    match image {
+        DynamicImage::ImageLumaA8(inked) => {
+            image::GrayImage::from_fn(inked.width(), inked.height(), |x, y| {
+                image::Luma([255 - inked.get_pixel(x, y).0[1]])
+            })
+        }
+        other => other.to_luma8(),
+    }
+}
+
+fn finished_sheet(
+    views: &[ViewSummary],
+    model: &PreparedModel,
+    options: &DrawOptions,
+    depth_scale: f64,
+) -> Result<Vec<Artifact>, DrawError> {
+    let azimuths: Vec<_> = views.iter().map(|view| view.page_view.azimuth).collect();
+    let errors = views.iter().filter_map(|view| Some((view.page_view.azimuth, view.error?)));
+    let page_views: Vec<_> = views.iter().map(|view| &view.page_view).collect();
+    let page = compose_page(&page_views, options);
+    let mut artifacts = vec![
+        ArtifactKind::Page.with_image(&DynamicImage::ImageLuma8(page))?,
+        ArtifactKind::Model.with(super::obj::obj(model).into_bytes()),
+    ];
+    if let Some(degradation) = DegradationDocument::new(errors, options) {
+        artifacts.push(ArtifactKind::Degradation.with_json(&degradation)?);
+    }
+    let document = sheet_document(&azimuths, options, depth_scale);
+    artifacts.push(ArtifactKind::Sheet.with_json(&document)?);
+    Ok(artifacts)
+}

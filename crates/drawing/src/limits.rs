@@ -1,0 +1,43 @@
+use super::{DrawError, DrawOptions};
+use frames::Azimuth;
+
+/// How large a sheet may be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SheetLimits {
+    pub max_views: usize,
+    /// Pixels of all views together.
+    pub max_pixels: u64,
+    /// Samples of one view: its pixels times supersampling squared.
+    pub max_view_samples: u64,
+}
+
+impl Default for SheetLimits {
+    fn default() -> Self {
+        Self { max_views: 360, max_pixels: 1 << 28, max_view_samples: 1 << 26 }
+    }
+}
+
+impl SheetLimits {
+    /// The azimuths in ascending order, if options and list can be drawn within the limits.
+    pub(super) fn check(
+        &self,
+        azimuths: &[Azimuth],
+        options: &DrawOptions,
+    ) -> Result<Vec<Azimuth>, DrawError> {
+        options.check(self.max_view_samples)?;
+        let mut azimuths = azimuths.to_vec();
+        azimuths.sort_unstable();
+        let (found, limit) = (azimuths.len(), self.max_views);
+        if found == 0 {
+            return Err(DrawError::NoViews);
+        }
+        if found > limit {
+            return Err(DrawError::TooManyViews { found, limit });
+        }
+        if let Some(pair) = azimuths.windows(2).find(|pair| pair[0] == pair[1]) {
+            return Err(DrawError::DuplicateView { azimuth_deg: pair[0].degrees() });
+        }
+        let (found, limit) = (options.pixels() * found as u64, self.max_pixels);
+        (found <= limit).then_some(azimuths).ok_or(DrawError::TooManyPixels { found, limit })
+    }
+}

@@ -1,0 +1,98 @@
+use image::{GrayImage, Luma, imageops};
+use nalgebra::Point2;
+
+use super::ink::ink_coverage;
+use super::lettering::lettering;
+use super::{DrawOptions, Stroke};
+use frames::Azimuth;
+
+/// A view as it goes on the page.
+pub(super) struct PageView {
+    pub azimuth: Azimuth,
+    pub image: GrayImage,
+    /// First and last column and row that hold ink; `None` for an empty view.
+    pub ink: Option<InkBounds>,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub(super) struct InkBounds {
+    low: [f64; 2],
+    high: [f64; 2],
+}
+
+impl InkBounds {
+    pub(crate) fn of(strokes: &[Stroke]) -> Option<Self> {
+        let points = strokes.iter().flat_map(|stroke| &stroke.points);
+        points.fold(None, |bounds: Option<Self>, p| {
+            let (low, high) = bounds.map_or(([p.x, p.y], [p.x, p.y]), |b| (b.low, b.high));
+            Some(Self {
+                low: [low[0].min(p.x), low[1].min(p.y)],
+                high: [high[0].max(p.x), high[1].max(p.y)],
+            })
+        })
+    }
+}
+
+const MAX_COLUMNS: usize = 8;
+
+/// Puts the views side by side at the same scale and on the same ground, with their angles below;
+/// more than eight go on several rows.
+///
+/// With labels and what stays empty of the last row, the page has at most four times the pixels
+/// of the views.
+pub(super) fn compose_page(views: &[&PageView], options: &DrawOptions) -> GrayImage {
+    let window = Window::around(views, options);
+    let letter_px = (f64::from(options.height_px) / 30.0).clamp(8.0, 48.0);
+    let label_px = (2.5 * letter_px) as u32;
+    let columns = views.len().clamp(1, MAX_COLUMNS) as u32;
+    let rows = (views.len() as u32).div_ceil(columns);
+    let (width, height) = (columns * window.width, rows * (window.height + label_px));
+    let mut page = GrayImage::from_pixel(width, height, Luma([255]));
+    let mut labels = Vec::new();
+    for (index, view) in views.iter().enumerate() {
+        let left = (index as u32 % columns) * window.width;
+        let top = (index as u32 / columns) * (window.height + label_px);
+        let crop = imageops::crop_imm(&view.image, window.x, window.y, window.width, window.height);
+        imageops::replace(&mut page, &crop.to_image(), left.into(), top.into());
+        let below = Point2::new(
+            f64::from(left) + f64::from(window.width) / 2.0,
+            f64::from(top + window.height) + 0.5 * letter_px,
+        );
+        labels.extend(lettering(&format!("{}°", view.azimuth), below, letter_px));
+    }
+    let ink = ink_coverage(&labels, width, height, 1, options.line_width_px.max(1.5));
+    for (pixel, ink) in page.pixels_mut().zip(ink.pixels()) {
+        pixel.0[0] = pixel.0[0].min(255 - ink.0[0]);
+    }
+    page
+}
+
+/// The part of the views that the page shows: the same in all, so that scale and ground agree.
+struct Window {
+    x: u32,
+    y: u32,
+    width: u32,
+    height: u32,
+}
+
+impl Window {
+    fn around(views: &[&PageView], options: &DrawOptions) -> Self {
+        let margin = f64::from(options.height_px) / 40.0 + options.line_width_px;
+        let bounds = views.iter().filter_map(|view| view.ink);
+        let union = bounds.reduce(|a, b| InkBounds {
+            low: [a.low[0].min(b.low[0]), a.low[1].min(b.low[1])],
+            high: [a.high[0].max(b.high[0]), a.high[1].max(b.high[1])],
+        });
+        let size = [options.width_px, options.height_px];
+        let Some(union) = union else {
+            return Self { x: 0, y: 0, width: size[0], height: size[1] };
+        };
+        // The casts saturate; the axis stays in the middle.
+        let half = f64::from(size[0]) / 2.0;
+        let reach = (half - union.low[0]).max(union.high[0] - half) + margin;
+        let x = ((half - reach).max(0.0) as u32).min(size[0] / 2 - 1);
+        let y = ((union.low[1] - margin).max(0.0) as u32).min(size[1] - 1);
+        let bottom = ((union.high[1] + margin).ceil().max(0.0) as u32).clamp(y + 1, size[1]);
+        Self { x, y, width: size[0] - 2 * x, height: bottom - y }
+    }
+}

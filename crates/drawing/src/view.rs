@@ -1,0 +1,176 @@
+use std::io::Cursor;
+
+use image::codecs::jpeg::JpegEncoder;
+use image::{DynamicImage, GrayImage, Luma, LumaA};
+
+use super::bvh::TriangleTree;
+use super::camera::Camera;
+use super::chain::{Piece, Stroke, chain};
+use super::degrade::{Degradation, ViewError, view_random};
+use super::features::{Node, Segment, ViewedModel};
+use super::ink::ink_coverage;
+use super::rules::LineRules;
+use super::truth::{GroundTruth, ground_truth};
+use super::visibility::Visibility;
+use super::{Background, DrawError, DrawOptions, PreparedModel, SheetLimits};
+use frames::Azimuth;
+
+/// One view of a model, with what is true of it.
+#[derive(Clone, Debug)]
+pub struct DrawnView {
+    pub azimuth: Azimuth,
+    /// The camera of the ground truth: the view as the sheet states it.
+    pub camera: Camera,
+    /// The drawing: grey on white, or black with an alpha channel.
+    pub image: DynamicImage,
+    pub strokes: Vec<Stroke>,
+    /// Of the exact view, also where the drawing is degraded.
+    pub truth: GroundTruth,
+    /// How the drawing differs from the exact view as a whole, if it is degraded.
+    pub error: Option<ViewError>,
+}
+
+/// Draws views of one model.
+pub struct Drawer<'a> {
+    model: &'a PreparedModel,
+    options: DrawOptions,
+    rules: LineRules,
+    tree: TriangleTree,
+    degradation: Option<Degradation>,
+}
+
+impl<'a> Drawer<'a> {
+    /// # Errors
+    /// [`DrawError`] if an option is out of range or the camera would be inside the model.
+    pub fn new(model: &'a PreparedModel, options: &DrawOptions) -> Result<Self, DrawError> {
+        options.check(SheetLimits::default().max_view_samples)?;
+        check_camera(model.radius, options)?;
+        Ok(Self {
+            model,
+            tree: model.triangle_tree(),
+            rules: LineRules::new(model, options.crease_angle_deg, options.contours),
+            degradation: options.degrade.resolved(options.line_width_px),
+            options: options.clone(),
+        })
+    }
+
+    /// What is true of the view at `azimuth`, without its drawing.
+    ///
+    /// # Errors
+    /// [`DrawError::TooComplex`] if the model's triangles cover each other too often.
+    pub fn truth_of_view(&self, azimuth: Azimuth) -> Result<GroundTruth, DrawError> {
+        ground_truth(self.model, &Camera::new(azimuth, &self.options), &self.options)
+    }
+
+    /// Draws the view at `azimuth`.
+    ///
+    /// # Errors
+    /// [`DrawError::TooComplex`] if the model's triangles hide each other too often.
+    pub fn draw_view(&self, azimuth: Azimuth) -> Result<DrawnView, DrawError> {
+        let camera = Camera::new(azimuth, &self.options);
+        let truth = ground_truth(self.model, &camera, &self.options)?;
+        let mut random = view_random(self.options.degrade.seed, azimuth);
+        let error = self.degradation.as_ref().map(|d| d.view_error(&mut random));
+        let drawn_from = match &error {
+            None => camera,
+            Some(error) => self.misplaced(azimuth, error),
+        };
+        let mut strokes = self.strokes(&drawn_from)?;
+        if let Some(degradation) = &self.degradation {
+            strokes = degradation.redraw(&strokes, &mut random);
+        }
+        let ink = ink_coverage(
+            &strokes,
+            self.options.width_px,
+            self.options.height_px,
+            self.options.supersampling,
+            self.options.line_width_px,
+        );
+        let image = match &self.degradation {
+            None => on_background(&ink, self.options.background),
+            Some(degradation) => {
+                let grey = degradation.on_paper(&ink, &mut random);
+                compressed(grey, degradation.jpeg_quality)?
+            }
+        };
+        Ok(DrawnView { azimuth, camera, image, strokes, truth, error })
+    }
+
+    fn misplaced(&self, azimuth: Azimuth, error: &ViewError) -> Camera {
+        let azimuth_rad = azimuth.radians() + error.azimuth_error_deg.to_radians();
+        let pixels_per_unit = self.options.pixels_per_unit() * error.scale;
+        Camera::at(azimuth_rad, &self.options, pixels_per_unit).shifted(error.shift_px)
+    }
+
+    /// The visible lines, joined into strokes.
+    fn strokes(&self, camera: &Camera) -> Result<Vec<Stroke>, DrawError> {
+        let viewed = ViewedModel::new(self.model, camera);
+        let visibility = Visibility::new(&viewed, &self.tree);
+        let mut pieces = Vec::new();
+        for segment in viewed.segments(camera, &self.rules) {
+            visibility.check_work()?;
+            let visible = visibility.visible_parts(&segment);
+            for (part, kind) in visible.into_iter().flat_map(|v| visibility.resolved(&segment, v)) {
+                let ends = piece_ends(&segment, part, pieces.len() as u32);
+                pieces.push(Piece { kind, ends });
+            }
+        }
+        Ok(chain(&pieces))
+    }
+}
+
+/// The ends of a visible part: nodes of the mesh where it reaches the segment's ends.
+fn piece_ends(
+    segment: &Segment,
+    [from, to]: [f64; 2],
+    index: u32,
+) -> [(Node, nalgebra::Point2<f64>); 2] {
+    let [(first, p), (last, q)] = segment.ends;
+    let at = |t: f64| (p + (q - p) * t).xy();
+    let emergence = |end: u32| Node::Emergence(2 * index + end);
+    [
+        (if from == 0.0 { first } else { emergence(0) }, at(from)),
+        (if to == 1.0 { last } else { emergence(1) }, at(to)),
+    ]
+}
+
+/// * `radius`: the largest distance of the model from the origin, units.
+pub(super) fn check_camera(radius: f64, options: &DrawOptions) -> Result<(), DrawError> {
+    let distance = options.distance / options.elevation_deg.to_radians().cos();
+    if radius >= distance {
+        return Err(DrawError::CameraInsideModel { radius, distance });
+    }
+    Ok(())
+}
+
+fn on_background(ink: &GrayImage, background: Background) -> DynamicImage {
+    match background {
+        Background::White => {
+            let mut grey = ink.clone();
+            grey.iter_mut().for_each(|level| *level = 255 - *level);
+            DynamicImage::ImageLuma8(grey)
+        }
+        Background::Transparent => {
+            let pixels = image::ImageBuffer::from_fn(ink.width(), ink.height(), |x, y| {
+                let Luma([alpha]) = *ink.get_pixel(x, y);
+                LumaA([0, alpha])
+            });
+            DynamicImage::ImageLumaA8(pixels)
+        }
+    }
+}
+
+/// The drawing after a JPEG compression; quality 0 is none.
+fn compressed(grey: GrayImage, quality: u8) -> Result<DynamicImage, DrawError> {
+    if quality == 0 {
+        return Ok(DynamicImage::ImageLuma8(grey));
+    }
+    let failed = |error: image::ImageError| DrawError::Encoding {
+        name: "the compressed drawing".to_owned(),
+        reason: error.to_string(),
+    };
+    let mut bytes = Cursor::new(Vec::new());
+    JpegEncoder::new_with_quality(&mut bytes, quality).encode_image(&grey).map_err(failed)?;
+    let decoded = image::load_from_memory_with_format(bytes.get_ref(), image::ImageFormat::Jpeg);
+    Ok(DynamicImage::ImageLuma8(decoded.map_err(failed)?.into_luma8()))
+}

@@ -1,0 +1,20 @@
+//! The angles and coordinate frames that all parts share.
+//!
+//! | frame | axes | unit |
+//! |---|---|---|
+//! | sheet | x right, y down, from the picture's top left corner | px |
+//! | turntable, model | X right at azimuth 0, Y away from the viewer, Z up | sheet px, or the model's own |
+//! | glTF | X right, Y up, Z towards the viewer at azimuth 0 | metres |
+//!
+//! Azimuths turn the camera about Z: at 90 degrees the subject's left side is
+//! seen.
+
+mod azimuth;
+mod azimuth_list;
+mod placement;
+mod up_axis;
+
+pub use azimuth::{Azimuth, NotFinite};
+pub use azimuth_list::AzimuthList;
+pub use placement::{ExportOptions, Origin, Placement};
+pub use up_axis::UpAxis;

@@ -1,0 +1,22 @@
+//! The job queue. It knows nothing about the work: what a job is to do, how far
+//! it is and why it failed are JSON values to it.
+//!
+//! Execution is at least once; a published result exactly one. A worker claims
+//! a job for a lease and counts an attempt; it must renew the lease, and every
+//! later write names the (job, attempt) it was claimed with, so that a worker
+//! that lost its lease can change nothing.
+
+pub mod bytes;
+mod clock;
+mod record;
+mod sqlite;
+mod store;
+mod types;
+
+pub use clock::{Clock, ManualClock, SystemClock};
+pub use sqlite::SqliteStore;
+pub use store::{JobStore, StoreError};
+pub use types::{
+    ATTEMPTS_EXHAUSTED, ArtifactEntry, Claim, Event, EventKind, Failure, Heartbeat, Job, JobChange,
+    JobCounts, JobId, JobState, LEASE_EXPIRED, ListQuery, NewJob, Page,
+};

@@ -1,0 +1,198 @@
+//! The life of a job as pure transitions over what a store keeps of it: every
+//! store loads a record, applies one of these and saves record and event in the
+//! same transaction.
+
+use std::time::Duration;
+
+use jiff::{SignedDuration, Timestamp};
+use serde_json::{Value, json};
+
+use super::{ATTEMPTS_EXHAUSTED, LEASE_EXPIRED};
+use super::{ArtifactEntry, EventKind, Failure, Job, JobState, NewJob, StoreError};
+
+/// A job with what only the store needs to know.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Record {
+    pub job: Job,
+    /// Who runs it, for people who read the database.
+    pub worker: Option<String>,
+    /// Set while running.
+    pub lease_until: Option<Timestamp>,
+    /// Not claimed before this.
+    pub not_before: Timestamp,
+}
+
+/// The event that a transition writes.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Change {
+    pub kind: EventKind,
+    pub data: Value,
+}
+
+/// How an attempt ended.
+#[derive(Clone, Debug)]
+pub(super) enum Ending {
+    Succeeded(Vec<ArtifactEntry>),
+    /// Trying again would not help.
+    Failed(Failure),
+    Cancelled,
+    /// The attempt broke; try again after a pause.
+    Broken(Failure, Duration),
+    /// The worker stops; the attempt is given back.
+    Released,
+    /// The lease ended without a word.
+    Expired,
+}
+
+impl Record {
+    pub(crate) fn new(job: NewJob, now: Timestamp) -> (Self, Change) {
+        let data = json!({ "max_attempts": job.max_attempts });
+        let job = Job {
+            id: job.id,
+            kind: job.kind,
+            payload: job.payload,
+            state: JobState::Queued,
+            attempt: 0,
+            attempts_used: 0,
+            max_attempts: job.max_attempts.max(1),
+            cancel_requested: false,
+            progress: None,
+            failure: None,
+            artifacts: Vec::new(),
+            created_at: now,
+            started_at: None,
+            finished_at: None,
+            version: 0,
+        };
+        let record = Self { job, worker: None, lease_until: None, not_before: now };
+        (record, Change { kind: EventKind::Queued, data })
+    }
+
+    /// Gives a queued job to `worker` and counts the attempt.
+    pub(crate) fn claim(&mut self, worker: &str, now: Timestamp, lease: Duration) -> Change {
+        self.job.state = JobState::Running;
+        self.job.attempt += 1;
+        self.job.attempts_used += 1;
+        self.job.started_at = Some(now);
+        self.job.progress = None;
+        self.worker = Some(worker.to_owned());
+        self.lease_until = Some(after(now, lease));
+        Change { kind: EventKind::Started, data: json!({ "attempt": self.job.attempt }) }
+    }
+
+    /// Whether `attempt` is the one that runs now.
+    pub(crate) fn is_held_by(&self, attempt: u32) -> bool {
+        self.job.state == JobState::Running && self.job.attempt == attempt
+    }
+
+    /// Fences writes of attempts that lost their lease.
+    pub(crate) fn check_held_by(&self, attempt: u32) -> Result<(), StoreError> {
+        if self.is_held_by(attempt) {
+            Ok(())
+        } else {
+            Err(StoreError::LeaseLost { id: self.job.id, attempt })
+        }
+    }
+
+    pub(crate) fn progress(&mut self, progress: Value) -> Change {
+        self.job.progress = Some(progress.clone());
+        let data = json!({ "attempt": self.job.attempt, "progress": progress });
+        Change { kind: EventKind::Progress, data }
+    }
+
+    /// Ends the running attempt. Once cancellation was accepted the job ends as
+    /// cancelled, whatever its worker comes back with.
+    pub(crate) fn end(&mut self, ending: Ending, now: Timestamp) -> Change {
+        self.worker = None;
+        self.lease_until = None;
+        if self.job.cancel_requested {
+            return self.finish(JobState::Cancelled, now);
+        }
+        match ending {
+            Ending::Succeeded(artifacts) => {
+                self.job.artifacts = artifacts;
+                self.finish(JobState::Succeeded, now)
+            }
+            Ending::Failed(failure) => {
+                self.job.failure = Some(failure);
+                self.finish(JobState::Failed, now)
+            }
+            Ending::Cancelled => self.finish(JobState::Cancelled, now),
+            Ending::Broken(failure, pause) => self.try_again(failure, pause, now),
+            Ending::Released => {
+                self.job.attempts_used -= 1;
+                self.put_back(json!({ "reason": "released" }), now)
+            }
+            Ending::Expired => {
+                let detail = "the worker stopped renewing its lease".to_owned();
+                let failure = Failure { code: LEASE_EXPIRED.to_owned(), detail };
+                self.try_again(failure, Duration::ZERO, now)
+            }
+        }
+    }
+
+    fn try_again(&mut self, failure: Failure, pause: Duration, now: Timestamp) -> Change {
+        if self.job.attempts_used < self.job.max_attempts {
+            let reason = json!({ "reason": failure.code, "detail": failure.detail });
+            return self.put_back(reason, after(now, pause));
+        }
+        let detail = format!(
+            "all {} attempts broke; the last one: {}: {}",
+            self.job.attempts_used, failure.code, failure.detail
+        );
+        self.job.failure = Some(Failure { code: ATTEMPTS_EXHAUSTED.to_owned(), detail });
+        self.finish(JobState::Failed, now)
+    }
+
+    fn put_back(&mut self, mut data: Value, not_before: Timestamp) -> Change {
+        data["attempt"] = self.job.attempt.into();
+        self.job.state = JobState::Queued;
+        self.job.progress = None;
+        self.job.started_at = None;
+        self.not_before = not_before;
+        Change { kind: EventKind::Requeued, data }
+    }
+
+    fn finish(&mut self, state: JobState, now: Timestamp) -> Change {
+        self.job.state = state;
+        self.job.finished_at = Some(now);
+        let attempt = self.job.attempt;
+        let (kind, data) = match state {
+            JobState::Succeeded => (EventKind::Succeeded, json!({ "attempt": attempt })),
+            JobState::Failed => {
+                (EventKind::Failed, json!({ "attempt": attempt, "failure": self.job.failure }))
+            }
+            _ => (EventKind::Cancelled, json!({ "attempt": attempt })),
+        };
+        Change { kind, data }
+    }
+
+    /// Cancels a queued job, marks a running one. `None` if it is marked already.
+    pub(crate) fn request_cancel(&mut self, now: Timestamp) -> Result<Option<Change>, StoreError> {
+        match self.job.state {
+            JobState::Queued => {
+                self.job.cancel_requested = true;
+                Ok(Some(self.finish(JobState::Cancelled, now)))
+            }
+            JobState::Running if self.job.cancel_requested => Ok(None),
+            JobState::Running => {
+                self.job.cancel_requested = true;
+                let data = json!({ "attempt": self.job.attempt });
+                Ok(Some(Change { kind: EventKind::CancelRequested, data }))
+            }
+            _ => Err(StoreError::Finished { id: self.job.id }),
+        }
+    }
+
+    pub(crate) fn renew(&mut self, now: Timestamp, lease: Duration) {
+        self.lease_until = Some(after(now, lease));
+    }
+}
+
+/// `now + by`, at the end of time at the latest.
+fn after(now: Timestamp, by: Duration) -> Timestamp {
+    SignedDuration::try_from(by)
+        .ok()
+        .and_then(|by| now.checked_add(by).ok())
+        .unwrap_or(Timestamp::MAX)
+}

@@ -1,0 +1,200 @@
+//! Between records and rows. Enumerations are stored under the names they have
+//! in JSON; a row that can't be read is an error of the backend.
+
+use jiff::Timestamp;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use serde_json::Value;
+use sqlx::sqlite::SqliteRow;
+use sqlx::{FromRow, Row, SqliteConnection};
+
+use super::super::record::{Change, Record};
+use super::super::{Event, Job, JobId, JobState, StoreError};
+use super::backend;
+
+/// A stored value that this version can't read.
+#[derive(Debug, thiserror::Error)]
+#[error("stored {column} is unreadable: {value:?}")]
+struct Unreadable {
+    column: &'static str,
+    value: String,
+}
+
+impl<'r> FromRow<'r, SqliteRow> for Record {
+    fn from_row(row: &'r SqliteRow) -> sqlx::Result<Self> {
+        let job = Job {
+            id: JobId(text(row, "id")?.parse().map_err(decode)?),
+            kind: text(row, "kind")?,
+            payload: json(row, "payload")?,
+            state: named(row, "state")?,
+            attempt: row.try_get("attempt")?,
+            attempts_used: row.try_get("attempts_used")?,
+            max_attempts: row.try_get("max_attempts")?,
+            cancel_requested: row.try_get("cancel_requested")?,
+            progress: optional_json(row, "progress")?,
+            failure: optional_json(row, "failure")?,
+            artifacts: json(row, "artifacts")?,
+            created_at: time(row, "created_ms")?,
+            started_at: optional_time(row, "started_ms")?,
+            finished_at: optional_time(row, "finished_ms")?,
+            version: row.try_get::<i64, _>("version")?.cast_unsigned(),
+        };
+        Ok(Self {
+            job,
+            worker: row.try_get("worker")?,
+            lease_until: optional_time(row, "lease_until_ms")?,
+            not_before: time(row, "not_before_ms")?,
+        })
+    }
+}
+
+impl<'r> FromRow<'r, SqliteRow> for Event {
+    fn from_row(row: &'r SqliteRow) -> sqlx::Result<Self> {
+        Ok(Self {
+            number: row.try_get::<i64, _>("number")?.cast_unsigned(),
+            at: time(row, "at_ms")?,
+            kind: named(row, "kind")?,
+            data: json(row, "data")?,
+        })
+    }
+}
+
+pub(super) async fn load(
+    connection: &mut SqliteConnection,
+    id: JobId,
+) -> Result<Record, StoreError> {
+    sqlx::query_as("SELECT * FROM jobs WHERE id = ?1")
+        .bind(id.to_string())
+        .fetch_optional(connection)
+        .await
+        .map_err(backend)?
+        .ok_or(StoreError::NotFound(id))
+}
+
+pub(super) async fn insert(
+    connection: &mut SqliteConnection,
+    record: &Record,
+) -> Result<(), StoreError> {
+    let job = &record.job;
+    sqlx::query(
+        "INSERT INTO jobs (id, kind, payload, state, attempt, attempts_used, max_attempts,
+             cancel_requested, not_before_ms, artifacts, created_ms, version)
+         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, '[]', ?10, ?11)",
+    )
+    .bind(job.id.to_string())
+    .bind(&job.kind)
+    .bind(job.payload.to_string())
+    .bind(name(&job.state)?)
+    .bind(job.attempt)
+    .bind(job.attempts_used)
+    .bind(job.max_attempts)
+    .bind(job.cancel_requested)
+    .bind(record.not_before.as_millisecond())
+    .bind(job.created_at.as_millisecond())
+    .bind(job.version.cast_signed())
+    .execute(connection)
+    .await
+    .map_err(backend)?;
+    Ok(())
+}
+
+/// Writes everything that may change in a job's life.
+pub(super) async fn save(
+    connection: &mut SqliteConnection,
+    record: &Record,
+) -> Result<(), StoreError> {
+    let job = &record.job;
+    let failure = job.failure.as_ref().map(serde_json::to_string).transpose().map_err(backend)?;
+    sqlx::query(
+        "UPDATE jobs SET state = ?2, attempt = ?3, attempts_used = ?4, cancel_requested = ?5,
+             worker = ?6, lease_until_ms = ?7, not_before_ms = ?8, progress = ?9, failure = ?10,
+             artifacts = ?11, started_ms = ?12, finished_ms = ?13, version = ?14
+         WHERE id = ?1",
+    )
+    .bind(job.id.to_string())
+    .bind(name(&job.state)?)
+    .bind(job.attempt)
+    .bind(job.attempts_used)
+    .bind(job.cancel_requested)
+    .bind(&record.worker)
+    .bind(record.lease_until.map(Timestamp::as_millisecond))
+    .bind(record.not_before.as_millisecond())
+    .bind(job.progress.as_ref().map(Value::to_string))
+    .bind(failure)
+    .bind(serde_json::to_string(&job.artifacts).map_err(backend)?)
+    .bind(job.started_at.map(Timestamp::as_millisecond))
+    .bind(job.finished_at.map(Timestamp::as_millisecond))
+    .bind(job.version.cast_signed())
+    .execute(connection)
+    .await
+    .map_err(backend)?;
+    Ok(())
+}
+
+/// Appends the event that goes with the job's version.
+pub(super) async fn append(
+    connection: &mut SqliteConnection,
+    job: &Job,
+    change: &Change,
+    at: Timestamp,
+) -> Result<(), StoreError> {
+    sqlx::query(
+        "INSERT INTO events (job_id, number, at_ms, kind, data) VALUES (?1, ?2, ?3, ?4, ?5)",
+    )
+    .bind(job.id.to_string())
+    .bind(job.version.cast_signed())
+    .bind(at.as_millisecond())
+    .bind(name(&change.kind)?)
+    .bind(change.data.to_string())
+    .execute(connection)
+    .await
+    .map_err(backend)?;
+    Ok(())
+}
+
+/// The name a unit variant has in JSON.
+pub(super) fn name<T: Serialize>(variant: &T) -> Result<String, StoreError> {
+    match serde_json::to_value(variant).map_err(backend)? {
+        Value::String(name) => Ok(name),
+        other => Err(backend(Unreadable { column: "name", value: other.to_string() })),
+    }
+}
+
+pub(super) fn state_name(state: JobState) -> Result<String, StoreError> {
+    name(&state)
+}
+
+fn decode<E: std::error::Error + Send + Sync + 'static>(error: E) -> sqlx::Error {
+    sqlx::Error::Decode(Box::new(error))
+}
+
+fn text(row: &SqliteRow, column: &'static str) -> sqlx::Result<String> {
+    row.try_get(column)
+}
+
+fn json<T: DeserializeOwned>(row: &SqliteRow, column: &'static str) -> sqlx::Result<T> {
+    serde_json::from_str(row.try_get(column)?).map_err(decode)
+}
+
+fn optional_json<T: DeserializeOwned>(
+    row: &SqliteRow,
+    column: &'static str,
+) -> sqlx::Result<Option<T>> {
+    let text: Option<&str> = row.try_get(column)?;
+    text.map(serde_json::from_str).transpose().map_err(decode)
+}
+
+fn named<T: DeserializeOwned>(row: &SqliteRow, column: &'static str) -> sqlx::Result<T> {
+    let value = text(row, column)?;
+    serde_json::from_value(Value::String(value.clone()))
+        .map_err(|_| decode(Unreadable { column, value }))
+}
+
+fn time(row: &SqliteRow, column: &'static str) -> sqlx::Result<Timestamp> {
+    Timestamp::from_millisecond(row.try_get(column)?).map_err(decode)
+}
+
+fn optional_time(row: &SqliteRow, column: &'static str) -> sqlx::Result<Option<Timestamp>> {
+    let ms: Option<i64> = row.try_get(column)?;
+    ms.map(Timestamp::from_millisecond).transpose().map_err(decode)
+}

@@ -1,0 +1,209 @@
+use std::fmt;
+use std::str::FromStr;
+
+use jiff::Timestamp;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use uuid::Uuid;
+
+/// A job's name; version 7, so that names sort by age.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct JobId(pub Uuid);
+
+impl JobId {
+    /// A new name, later than all earlier ones of this process.
+    pub fn new() -> Self {
+        Self(Uuid::now_v7())
+    }
+
+    /// When the name was made; `None` if it is not of version 7.
+    pub fn created_at(self) -> Option<Timestamp> {
+        let (seconds, nanoseconds) = self.0.get_timestamp()?.to_unix();
+        Timestamp::new(seconds.cast_signed(), nanoseconds.cast_signed()).ok()
+    }
+}
+
+impl Default for JobId {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl fmt::Display for JobId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+impl FromStr for JobId {
+    type Err = uuid::Error;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        text.parse().map(Self)
+    }
+}
+
+/// Where a job is in its life.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum JobState {
+    Queued,
+    Running,
+    Succeeded,
+    Failed,
+    Cancelled,
+}
+
+impl JobState {
+    /// Whether the job will never change again.
+    pub fn is_final(self) -> bool {
+        matches!(self, Self::Succeeded | Self::Failed | Self::Cancelled)
+    }
+}
+
+/// What to enqueue.
+#[derive(Clone, Debug)]
+pub struct NewJob {
+    pub id: JobId,
+    /// Which work it is, such as `reconstruction`.
+    pub kind: String,
+    /// What the work needs, apart from stored bytes.
+    pub payload: Value,
+    /// How often the job may be claimed, released claims apart; at least 1.
+    pub max_attempts: u32,
+}
+
+/// A job as stored.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Job {
+    pub id: JobId,
+    pub kind: String,
+    pub payload: Value,
+    pub state: JobState,
+    /// Claims so far: the latest one's fencing token, never used by two claims.
+    pub attempt: u32,
+    /// Claims that count: a released one is given back, so that this may be
+    /// less than `attempt`.
+    pub attempts_used: u32,
+    pub max_attempts: u32,
+    pub cancel_requested: bool,
+    /// Last reported progress of the current attempt.
+    pub progress: Option<Value>,
+    /// Set when failed.
+    pub failure: Option<Failure>,
+    /// Set when succeeded, in publication order.
+    pub artifacts: Vec<ArtifactEntry>,
+    pub created_at: Timestamp,
+    /// When the current attempt began.
+    pub started_at: Option<Timestamp>,
+    pub finished_at: Option<Timestamp>,
+    /// Grows by one with every change: the source of ETags and the number of
+    /// the latest event.
+    pub version: u64,
+}
+
+/// The failure code of a job whose last worker was lost.
+pub const LEASE_EXPIRED: &str = "lease_expired";
+/// The failure code of a job whose every attempt broke off.
+pub const ATTEMPTS_EXHAUSTED: &str = "attempts_exhausted";
+
+/// Why a job failed.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Failure {
+    /// Stable name, such as `no_usable_pair` or `attempts_exhausted`.
+    pub code: String,
+    /// What happened and how to mend it.
+    pub detail: String,
+}
+
+/// A published artifact.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ArtifactEntry {
+    /// Path below the job's artifacts, such as `views/45/disparity.png`.
+    pub name: String,
+    pub media_type: String,
+    pub bytes: u64,
+    /// Lower-case hexadecimal SHA-256 of the content.
+    pub sha256: String,
+}
+
+/// The right to run a job until the lease ends.
+#[derive(Clone, Debug)]
+pub struct Claim {
+    pub job: Job,
+    /// This claim's attempt, from 1: the fencing token.
+    pub attempt: u32,
+}
+
+/// What a renewed lease tells the worker.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Heartbeat {
+    /// The lease was extended.
+    Held { cancel_requested: bool },
+    /// The (job, attempt) no longer runs: stop and throw the result away.
+    Lost,
+}
+
+/// What happened to a job.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum EventKind {
+    Queued,
+    /// Claimed; the data has the attempt.
+    Started,
+    Progress,
+    CancelRequested,
+    /// Put back: its worker stopped or its lease ended.
+    Requeued,
+    Succeeded,
+    Failed,
+    Cancelled,
+}
+
+/// An entry of a job's log. Numbers start at 1 and have no gaps.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Event {
+    pub number: u64,
+    pub at: Timestamp,
+    pub kind: EventKind,
+    pub data: Value,
+}
+
+/// A hint that a job changed in this process.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct JobChange {
+    pub id: JobId,
+    pub kind: EventKind,
+    /// The job's version after the change.
+    pub version: u64,
+}
+
+/// How many jobs are stored in each state.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct JobCounts {
+    pub queued: u64,
+    pub running: u64,
+    pub succeeded: u64,
+    pub failed: u64,
+    pub cancelled: u64,
+}
+
+/// Which jobs to list, newest first.
+#[derive(Clone, Debug, Default)]
+pub struct ListQuery {
+    pub kind: Option<String>,
+    pub state: Option<JobState>,
+    /// Only jobs older than this one.
+    pub before: Option<JobId>,
+    /// At most this many; at least 1.
+    pub limit: u32,
+}
+
+/// Part of a listing.
+#[derive(Clone, Debug)]
+pub struct Page {
+    pub jobs: Vec<Job>,
+    /// Give as `before` for the next part; `None` at the end.
+    pub next: Option<JobId>,
+}

@@ -1,0 +1,122 @@
+//! The job store suite, run over every implementation, and what only the
+//! SQLite one must show.
+
+mod suite;
+
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
+
+use jiff::Timestamp;
+use jobs::{Clock, JobId, JobState, JobStore, ManualClock, NewJob, SqliteStore, SystemClock};
+use serde_json::json;
+use suite::Subject;
+
+const LEASE: Duration = Duration::from_secs(30);
+
+fn clock() -> Arc<ManualClock> {
+    Arc::new(ManualClock::new("2026-01-02T03:04:05.678Z".parse::<Timestamp>().unwrap()))
+}
+
+async fn open(path: &Path, clock: &Arc<ManualClock>) -> SqliteStore {
+    SqliteStore::open(path, Arc::clone(clock) as Arc<dyn Clock>).await.unwrap()
+}
+
+fn new_job() -> NewJob {
+    NewJob { id: JobId::new(), kind: "test".into(), payload: json!({}), max_attempts: 3 }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn sqlite_passes_the_suite() {
+    let folder = tempfile::tempdir().unwrap();
+    suite::run(async || {
+        let clock = clock();
+        let path = folder.path().join(format!("{}.sqlite", JobId::new()));
+        Subject { store: Arc::new(open(&path, &clock).await), clock }
+    })
+    .await;
+}
+
+#[tokio::test]
+async fn what_is_stored_survives_closing() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("jobs.sqlite");
+    let clock = clock();
+    let store = open(&path, &clock).await;
+    let queued = store.enqueue(new_job()).await.unwrap();
+    let claim = store.claim("tester", LEASE).await.unwrap().unwrap();
+    store.close().await;
+    let store = open(&path, &clock).await;
+    assert_eq!(store.get(queued.id).await.unwrap(), claim.job);
+    store.succeed(queued.id, claim.attempt, Vec::new()).await.unwrap();
+    assert_eq!(store.get(queued.id).await.unwrap().state, JobState::Succeeded);
+}
+
+/// Enqueues, claims and ends jobs while other stores do the same.
+async fn work_through(store: Arc<SqliteStore>) {
+    for _ in 0..5 {
+        store.enqueue(new_job()).await.unwrap();
+        let Some(claim) = store.claim("tester", LEASE).await.unwrap() else { continue };
+        store.succeed(claim.job.id, claim.attempt, Vec::new()).await.unwrap();
+    }
+}
+
+/// Separate stores over one file stand for separate processes.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn processes_can_share_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("jobs.sqlite");
+    let opening: Vec<_> = (0..4)
+        .map(|_| {
+            let path = path.clone();
+            tokio::spawn(async move { SqliteStore::open(&path, Arc::new(SystemClock)).await })
+        })
+        .collect();
+    let mut stores = Vec::new();
+    for store in opening {
+        stores.push(Arc::new(store.await.unwrap().unwrap()));
+    }
+    let working: Vec<_> =
+        stores.iter().map(|store| tokio::spawn(work_through(Arc::clone(store)))).collect();
+    for work in working {
+        work.await.unwrap();
+    }
+    let store = &stores[0];
+    while let Some(claim) = store.claim("tester", LEASE).await.unwrap() {
+        store.succeed(claim.job.id, claim.attempt, Vec::new()).await.unwrap();
+    }
+    let ids = store.ids().await.unwrap();
+    assert_eq!(ids.len(), 20);
+    for id in ids {
+        let job = store.get(id).await.unwrap();
+        assert_eq!((job.state, job.attempt, job.version), (JobState::Succeeded, 1, 3));
+    }
+}
+
+/// A write that takes long, here one that another process holds open, must not
+/// keep a status request waiting.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn reads_do_not_wait_for_writes() {
+    use sqlx::Connection;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("jobs.sqlite");
+    let store = Arc::new(open(&path, &clock()).await);
+    let job = store.enqueue(new_job()).await.unwrap();
+    let url = format!("sqlite://{}", path.display());
+    let mut other = sqlx::SqliteConnection::connect(&url).await.unwrap();
+    let holding = other.begin_with("BEGIN IMMEDIATE").await.unwrap();
+    let writing = tokio::spawn({
+        let store = Arc::clone(&store);
+        async move { store.request_cancel(job.id).await.unwrap() }
+    });
+    tokio::time::timeout(Duration::from_secs(2), async {
+        for _ in 0..20 {
+            assert_eq!(store.get(job.id).await.unwrap(), job);
+        }
+    })
+    .await
+    .expect("reads waited for the write lock");
+    assert!(!writing.is_finished());
+    holding.rollback().await.unwrap();
+    assert_eq!(writing.await.unwrap().state, JobState::Cancelled);
+}

@@ -1,0 +1,510 @@
+//! The suite that every implementation of `JobStore` passes. Each part gets an
+//! empty store and the clock that the store reads.
+
+use std::collections::HashSet;
+use std::sync::Arc;
+use std::time::Duration;
+
+use jobs::{
+    ArtifactEntry, Claim, Clock, Event, EventKind, Failure, Heartbeat, Job, JobCounts, JobId,
+    JobState, JobStore, ListQuery, ManualClock, NewJob, StoreError,
+};
+use serde_json::json;
+
+const LEASE: Duration = Duration::from_secs(30);
+
+/// A store under test.
+pub(crate) struct Subject {
+    pub store: Arc<dyn JobStore>,
+    pub clock: Arc<ManualClock>,
+}
+
+impl Subject {
+    async fn enqueue(&self, max_attempts: u32) -> Job {
+        let job = NewJob {
+            id: JobId::new(),
+            kind: "test".to_owned(),
+            payload: json!({ "views": [0, 22.5], "name": "Zeichnung „Ä“" }),
+            max_attempts,
+        };
+        self.store.enqueue(job).await.unwrap()
+    }
+
+    async fn claim(&self) -> Option<Claim> {
+        self.store.claim("tester", LEASE).await.unwrap()
+    }
+
+    async fn running(&self, max_attempts: u32) -> Claim {
+        let job = self.enqueue(max_attempts).await;
+        let claim = self.claim().await.unwrap();
+        assert_eq!(claim.job.id, job.id);
+        claim
+    }
+
+    async fn get(&self, id: JobId) -> Job {
+        self.store.get(id).await.unwrap()
+    }
+
+    async fn kinds(&self, id: JobId) -> Vec<EventKind> {
+        self.events(id).await.into_iter().map(|event| event.kind).collect()
+    }
+
+    /// All events, after checking that their numbers have no gap and end with
+    /// the job's version.
+    async fn events(&self, id: JobId) -> Vec<Event> {
+        let events = self.store.events(id, 0).await.unwrap();
+        let numbers: Vec<u64> = events.iter().map(|event| event.number).collect();
+        assert_eq!(numbers, (1..=events.len() as u64).collect::<Vec<_>>());
+        assert_eq!(self.get(id).await.version, events.len() as u64);
+        events
+    }
+
+    /// Every way an attempt can write.
+    async fn write_everything(&self, id: JobId, attempt: u32) -> Vec<Result<(), StoreError>> {
+        let store = &self.store;
+        vec![
+            store.progress(id, attempt, json!({ "fraction": 1.0 })).await,
+            store.succeed(id, attempt, artifacts()).await.map(drop),
+            store.fail(id, attempt, broken()).await.map(drop),
+            store.cancelled(id, attempt).await.map(drop),
+            store.retry(id, attempt, broken(), Duration::ZERO).await.map(drop),
+            store.release(id, attempt).await.map(drop),
+        ]
+    }
+
+    async fn assert_fenced(&self, id: JobId, attempt: u32) {
+        let before = (self.get(id).await, self.events(id).await);
+        for result in self.write_everything(id, attempt).await {
+            match result {
+                Err(StoreError::LeaseLost { id: lost, attempt: by }) => {
+                    assert_eq!((lost, by), (id, attempt));
+                }
+                other => panic!("attempt {attempt} was not fenced: {other:?}"),
+            }
+        }
+        assert_eq!(self.store.heartbeat(id, attempt, LEASE).await.unwrap(), Heartbeat::Lost);
+        assert_eq!((self.get(id).await, self.events(id).await), before);
+    }
+}
+
+fn broken() -> Failure {
+    Failure { code: "internal".to_owned(), detail: "the disk is full".to_owned() }
+}
+
+fn artifacts() -> Vec<ArtifactEntry> {
+    ["views/22.5/disparity.png", "hull.glb"]
+        .map(|name| ArtifactEntry {
+            name: name.to_owned(),
+            media_type: "image/png".to_owned(),
+            bytes: 7_000_000_000,
+            sha256: "ab".repeat(32),
+        })
+        .to_vec()
+}
+
+/// Runs the whole suite. `fresh` gives an empty store each time.
+pub(crate) async fn run<F: AsyncFn() -> Subject>(fresh: F) {
+    a_job_goes_from_queued_to_succeeded(&fresh().await).await;
+    the_oldest_queued_job_is_claimed_first(&fresh().await).await;
+    no_two_claimers_get_the_same_job(&fresh().await).await;
+    a_lease_lasts_as_long_as_it_is_renewed(&fresh().await).await;
+    a_worker_that_lost_its_lease_changes_nothing(&fresh().await).await;
+    attempts_are_used_up_by_silent_workers(&fresh().await).await;
+    attempts_are_used_up_by_breaking_ones(&fresh().await).await;
+    a_broken_attempt_pauses_before_the_next(&fresh().await).await;
+    a_released_attempt_is_given_back_but_not_its_number(&fresh().await).await;
+    failing_is_final(&fresh().await).await;
+    a_queued_job_is_cancelled_at_once(&fresh().await).await;
+    a_running_job_is_cancelled_when_its_worker_sees_it(&fresh().await).await;
+    an_accepted_cancellation_wins_over_every_ending(&fresh().await).await;
+    cancelling_races_with_succeeding(&fresh().await).await;
+    a_finished_job_cannot_be_cancelled(&fresh().await).await;
+    progress_belongs_to_its_attempt(&fresh().await).await;
+    listings_go_from_new_to_old_in_parts(&fresh().await).await;
+    a_deleted_job_is_gone_with_its_events(&fresh().await).await;
+    unknown_jobs_are_not_found(&fresh().await).await;
+    names_are_taken_once(&fresh().await).await;
+    changes_are_announced(&fresh().await).await;
+    writers_at_the_same_time_leave_no_gap(&fresh().await).await;
+}
+
+async fn a_job_goes_from_queued_to_succeeded(subject: &Subject) {
+    let store = &subject.store;
+    store.ping().await.unwrap();
+    assert!(subject.claim().await.is_none());
+    let created = subject.clock.now();
+    let job = subject.enqueue(3).await;
+    assert_eq!((job.state, job.attempt, job.attempts_used), (JobState::Queued, 0, 0));
+    assert_eq!((job.created_at, job.started_at, job.version), (created, None, 1));
+    assert_eq!(subject.get(job.id).await, job);
+    assert_eq!(store.depth().await.unwrap(), (1, 0));
+
+    subject.clock.advance(Duration::from_secs(5));
+    let started = subject.clock.now();
+    let claim = subject.claim().await.unwrap();
+    assert_eq!(claim.attempt, 1);
+    assert_eq!((claim.job.state, claim.job.attempt), (JobState::Running, 1));
+    assert_eq!((claim.job.attempts_used, claim.job.started_at), (1, Some(started)));
+    assert_eq!(claim.job.payload, job.payload);
+    assert_eq!(store.depth().await.unwrap(), (0, 1));
+
+    store.progress(job.id, 1, json!({ "fraction": 0.5 })).await.unwrap();
+    assert_eq!(subject.get(job.id).await.progress, Some(json!({ "fraction": 0.5 })));
+
+    subject.clock.advance(Duration::from_secs(7));
+    let state = store.succeed(job.id, 1, artifacts()).await.unwrap();
+    let done = subject.get(job.id).await;
+    assert_eq!((state, done.state), (JobState::Succeeded, JobState::Succeeded));
+    assert_eq!(done.artifacts, artifacts());
+    assert_eq!((done.finished_at, done.failure), (Some(subject.clock.now()), None));
+    assert_eq!(store.depth().await.unwrap(), (0, 0));
+    let counts = JobCounts { succeeded: 1, ..JobCounts::default() };
+    assert_eq!(store.counts().await.unwrap(), counts);
+    assert!(subject.claim().await.is_none());
+
+    use EventKind::{Progress, Queued, Started, Succeeded};
+    let events = subject.events(job.id).await;
+    let kinds: Vec<_> = events.iter().map(|event| event.kind).collect();
+    assert_eq!(kinds, [Queued, Started, Progress, Succeeded]);
+    assert_eq!((events[0].at, events[1].at), (created, started));
+    assert_eq!(events[1].data["attempt"], 1);
+    assert_eq!(store.events(job.id, 2).await.unwrap(), events[2..]);
+    assert_eq!(store.events(job.id, 4).await.unwrap(), []);
+    assert_eq!(store.events(job.id, u64::MAX).await.unwrap(), []);
+}
+
+async fn the_oldest_queued_job_is_claimed_first(subject: &Subject) {
+    let mut ids = Vec::new();
+    for _ in 0..5 {
+        ids.push(subject.enqueue(3).await.id);
+    }
+    let mut claimed = Vec::new();
+    while let Some(claim) = subject.claim().await {
+        claimed.push(claim.job.id);
+    }
+    assert_eq!(claimed, ids);
+}
+
+async fn no_two_claimers_get_the_same_job(subject: &Subject) {
+    let mut ids = HashSet::new();
+    for _ in 0..24 {
+        ids.insert(subject.enqueue(3).await.id);
+    }
+    let claimers: Vec<_> = (0..6)
+        .map(|number| {
+            let store = Arc::clone(&subject.store);
+            tokio::spawn(async move {
+                let mut claimed = Vec::new();
+                while let Some(claim) = store.claim(&number.to_string(), LEASE).await.unwrap() {
+                    assert_eq!(claim.attempt, 1);
+                    claimed.push(claim.job.id);
+                }
+                claimed
+            })
+        })
+        .collect();
+    let mut claimed = Vec::new();
+    for claimer in claimers {
+        claimed.extend(claimer.await.unwrap());
+    }
+    assert_eq!(claimed.len(), 24);
+    assert_eq!(claimed.into_iter().collect::<HashSet<_>>(), ids);
+}
+
+async fn a_lease_lasts_as_long_as_it_is_renewed(subject: &Subject) {
+    let claim = subject.running(3).await;
+    for _ in 0..4 {
+        subject.clock.advance(LEASE * 2 / 3);
+        assert_eq!(subject.store.reap().await.unwrap(), 0);
+        let beat = subject.store.heartbeat(claim.job.id, 1, LEASE).await.unwrap();
+        assert_eq!(beat, Heartbeat::Held { cancel_requested: false });
+    }
+    // A renewed lease is no visible change.
+    assert_eq!(subject.get(claim.job.id).await, claim.job);
+    subject.clock.advance(LEASE);
+    assert_eq!(subject.store.reap().await.unwrap(), 1);
+    assert_eq!(subject.get(claim.job.id).await.state, JobState::Queued);
+    assert_eq!(subject.store.reap().await.unwrap(), 0);
+}
+
+async fn a_worker_that_lost_its_lease_changes_nothing(subject: &Subject) {
+    let first = subject.running(3).await;
+    let id = first.job.id;
+    subject.clock.advance(LEASE);
+    assert_eq!(subject.store.reap().await.unwrap(), 1);
+    // The job waits: its former worker is out already.
+    subject.assert_fenced(id, 1).await;
+    let second = subject.claim().await.unwrap();
+    assert_eq!((second.job.id, second.attempt, second.job.attempts_used), (id, 2, 2));
+    subject.assert_fenced(id, 1).await;
+    // Attempts that were never given out are no better.
+    subject.assert_fenced(id, 3).await;
+    subject.store.progress(id, 2, json!({ "fraction": 0.1 })).await.unwrap();
+    subject.store.succeed(id, 2, artifacts()).await.unwrap();
+    subject.assert_fenced(id, 1).await;
+    subject.assert_fenced(id, 2).await;
+    use EventKind::{Progress, Queued, Requeued, Started, Succeeded};
+    let kinds = subject.kinds(id).await;
+    assert_eq!(kinds, [Queued, Started, Requeued, Started, Progress, Succeeded]);
+}
+
+async fn attempts_are_used_up_by_silent_workers(subject: &Subject) {
+    let id = subject.enqueue(2).await.id;
+    for attempt in 1..=2 {
+        assert_eq!(subject.claim().await.unwrap().attempt, attempt);
+        subject.clock.advance(LEASE);
+        assert_eq!(subject.store.reap().await.unwrap(), 1);
+    }
+    let job = subject.get(id).await;
+    assert_eq!((job.state, job.attempts_used), (JobState::Failed, 2));
+    assert_eq!(job.failure.unwrap().code, "attempts_exhausted");
+    assert_eq!(job.finished_at, Some(subject.clock.now()));
+    assert!(subject.claim().await.is_none());
+    use EventKind::{Failed, Queued, Requeued, Started};
+    assert_eq!(subject.kinds(id).await, [Queued, Started, Requeued, Started, Failed]);
+}
+
+async fn attempts_are_used_up_by_breaking_ones(subject: &Subject) {
+    let id = subject.enqueue(2).await.id;
+    for (attempt, state) in [(1, JobState::Queued), (2, JobState::Failed)] {
+        assert_eq!(subject.claim().await.unwrap().attempt, attempt);
+        let left = subject.store.retry(id, attempt, broken(), Duration::ZERO).await.unwrap();
+        assert_eq!(left, state);
+    }
+    let failure = subject.get(id).await.failure.unwrap();
+    assert_eq!(failure.code, "attempts_exhausted");
+    assert!(failure.detail.contains("the disk is full"), "{}", failure.detail);
+}
+
+async fn a_broken_attempt_pauses_before_the_next(subject: &Subject) {
+    let first = subject.running(3).await.job.id;
+    let pause = Duration::from_secs(10);
+    subject.store.retry(first, 1, broken(), pause).await.unwrap();
+    assert!(subject.claim().await.is_none());
+    // Others need not wait for it, though it is the older.
+    let second = subject.running(3).await.job.id;
+    subject.clock.advance(pause - Duration::from_millis(1));
+    assert!(subject.claim().await.is_none());
+    subject.clock.advance(Duration::from_millis(1));
+    assert_eq!(subject.claim().await.unwrap().job.id, first);
+    assert_eq!(subject.get(second).await.state, JobState::Running);
+}
+
+async fn a_released_attempt_is_given_back_but_not_its_number(subject: &Subject) {
+    let id = subject.enqueue(1).await.id;
+    for attempt in 1..=3 {
+        assert_eq!(subject.claim().await.unwrap().attempt, attempt);
+        assert_eq!(subject.store.release(id, attempt).await.unwrap(), JobState::Queued);
+        assert_eq!(subject.get(id).await.attempts_used, 0);
+        subject.assert_fenced(id, attempt).await;
+    }
+    assert_eq!(subject.claim().await.unwrap().attempt, 4);
+    subject.assert_fenced(id, 3).await;
+    subject.clock.advance(LEASE);
+    assert_eq!(subject.store.reap().await.unwrap(), 1);
+    let job = subject.get(id).await;
+    assert_eq!((job.state, job.attempt, job.attempts_used), (JobState::Failed, 4, 1));
+}
+
+async fn failing_is_final(subject: &Subject) {
+    let id = subject.running(3).await.job.id;
+    let failure = Failure { code: "no_usable_pair".to_owned(), detail: "0 of 18".to_owned() };
+    let state = subject.store.fail(id, 1, failure.clone()).await.unwrap();
+    let job = subject.get(id).await;
+    assert_eq!((state, job.state), (JobState::Failed, JobState::Failed));
+    assert_eq!(job.failure, Some(failure));
+    assert!(subject.claim().await.is_none());
+    let events = subject.events(id).await;
+    assert_eq!(events.last().unwrap().data["failure"]["code"], "no_usable_pair");
+}
+
+async fn a_queued_job_is_cancelled_at_once(subject: &Subject) {
+    let id = subject.enqueue(3).await.id;
+    let job = subject.store.request_cancel(id).await.unwrap();
+    assert_eq!(job.state, JobState::Cancelled);
+    assert_eq!(job.finished_at, Some(subject.clock.now()));
+    assert!(subject.claim().await.is_none());
+    assert_eq!(subject.kinds(id).await, [EventKind::Queued, EventKind::Cancelled]);
+}
+
+async fn a_running_job_is_cancelled_when_its_worker_sees_it(subject: &Subject) {
+    let id = subject.running(3).await.job.id;
+    let job = subject.store.request_cancel(id).await.unwrap();
+    assert_eq!((job.state, job.cancel_requested), (JobState::Running, true));
+    // Asking again changes nothing.
+    assert_eq!(subject.store.request_cancel(id).await.unwrap(), job);
+    let beat = subject.store.heartbeat(id, 1, LEASE).await.unwrap();
+    assert_eq!(beat, Heartbeat::Held { cancel_requested: true });
+    subject.store.cancelled(id, 1).await.unwrap();
+    assert_eq!(subject.get(id).await.state, JobState::Cancelled);
+    use EventKind::{CancelRequested, Cancelled, Queued, Started};
+    assert_eq!(subject.kinds(id).await, [Queued, Started, CancelRequested, Cancelled]);
+}
+
+async fn an_accepted_cancellation_wins_over_every_ending(subject: &Subject) {
+    for ending in 0..5 {
+        let id = subject.running(3).await.job.id;
+        subject.store.request_cancel(id).await.unwrap();
+        let store = &subject.store;
+        let state = match ending {
+            0 => store.succeed(id, 1, artifacts()).await.unwrap(),
+            1 => store.fail(id, 1, broken()).await.unwrap(),
+            2 => store.retry(id, 1, broken(), Duration::ZERO).await.unwrap(),
+            3 => store.release(id, 1).await.unwrap(),
+            _ => {
+                subject.clock.advance(LEASE);
+                assert_eq!(store.reap().await.unwrap(), 1);
+                JobState::Cancelled
+            }
+        };
+        let job = subject.get(id).await;
+        assert_eq!((state, job.state), (JobState::Cancelled, JobState::Cancelled), "{ending}");
+        assert_eq!((job.artifacts, job.failure), (vec![], None));
+    }
+}
+
+async fn cancelling_races_with_succeeding(subject: &Subject) {
+    for _ in 0..12 {
+        let id = subject.running(3).await.job.id;
+        let (cancelling, ending) = (Arc::clone(&subject.store), Arc::clone(&subject.store));
+        let cancelling = tokio::spawn(async move { cancelling.request_cancel(id).await });
+        let ending = tokio::spawn(async move { ending.succeed(id, 1, artifacts()).await });
+        let accepted = match cancelling.await.unwrap() {
+            Ok(_) => true,
+            Err(StoreError::Finished { .. }) => false,
+            Err(other) => panic!("{other}"),
+        };
+        let state = ending.await.unwrap().unwrap();
+        let expected = if accepted { JobState::Cancelled } else { JobState::Succeeded };
+        assert_eq!((state, subject.get(id).await.state), (expected, expected));
+        subject.events(id).await;
+    }
+}
+
+async fn a_finished_job_cannot_be_cancelled(subject: &Subject) {
+    let id = subject.running(3).await.job.id;
+    subject.store.succeed(id, 1, artifacts()).await.unwrap();
+    let before = subject.get(id).await;
+    let refused = subject.store.request_cancel(id).await;
+    assert!(matches!(refused, Err(StoreError::Finished { id: named }) if named == id));
+    assert_eq!(subject.get(id).await, before);
+}
+
+async fn progress_belongs_to_its_attempt(subject: &Subject) {
+    let id = subject.running(3).await.job.id;
+    subject.store.progress(id, 1, json!({ "fraction": 0.9 })).await.unwrap();
+    subject.clock.advance(LEASE);
+    subject.store.reap().await.unwrap();
+    let job = subject.get(id).await;
+    assert_eq!((job.progress, job.started_at), (None, None));
+    subject.claim().await.unwrap();
+    subject.store.progress(id, 2, json!({ "fraction": 0.1 })).await.unwrap();
+    assert_eq!(subject.get(id).await.progress, Some(json!({ "fraction": 0.1 })));
+    let event = subject.events(id).await.pop().unwrap();
+    assert_eq!(event.data, json!({ "attempt": 2, "progress": { "fraction": 0.1 } }));
+}
+
+async fn listings_go_from_new_to_old_in_parts(subject: &Subject) {
+    let mut ids = Vec::new();
+    for _ in 0..7 {
+        ids.push(subject.enqueue(3).await.id);
+    }
+    ids.reverse();
+    let other =
+        NewJob { id: JobId::new(), kind: "drawing".into(), payload: json!(null), max_attempts: 1 };
+    let other = subject.store.enqueue(other).await.unwrap();
+    assert_eq!(subject.claim().await.unwrap().job.id, ids[6]);
+
+    let mut query = ListQuery { kind: Some("test".to_owned()), limit: 3, ..ListQuery::default() };
+    let (mut seen, mut sizes) = (Vec::new(), Vec::new());
+    loop {
+        let page = subject.store.list(&query).await.unwrap();
+        sizes.push(page.jobs.len());
+        seen.extend(page.jobs.iter().map(|job| job.id));
+        match page.next {
+            Some(next) => query.before = Some(next),
+            None => break,
+        }
+    }
+    assert_eq!((seen, sizes), (ids.clone(), vec![3, 3, 1]));
+
+    let list = async |state, limit| {
+        let query = ListQuery { state, limit, ..ListQuery::default() };
+        let page = subject.store.list(&query).await.unwrap();
+        (page.jobs.iter().map(|job| job.id).collect::<Vec<_>>(), page.next)
+    };
+    assert_eq!(list(Some(JobState::Running), 10).await, (vec![ids[6]], None));
+    assert_eq!(list(Some(JobState::Succeeded), 10).await, (vec![], None));
+    assert_eq!(list(None, 1).await, (vec![other.id], Some(other.id)));
+    // A part that ends exactly with the last job says that it is the last.
+    assert_eq!(list(None, 8).await.1, None);
+    let mut all = subject.store.ids().await.unwrap();
+    all.sort();
+    all.reverse();
+    assert_eq!(all[1..], ids);
+}
+
+async fn a_deleted_job_is_gone_with_its_events(subject: &Subject) {
+    let running = subject.running(3).await.job.id;
+    let refused = subject.store.delete(running).await;
+    assert!(matches!(refused, Err(StoreError::Running { id }) if id == running));
+    subject.store.succeed(running, 1, artifacts()).await.unwrap();
+    let queued = subject.enqueue(3).await.id;
+    for id in [running, queued] {
+        subject.store.delete(id).await.unwrap();
+        assert!(matches!(subject.store.get(id).await, Err(StoreError::NotFound(_))));
+        assert!(matches!(subject.store.events(id, 0).await, Err(StoreError::NotFound(_))));
+        assert!(matches!(subject.store.delete(id).await, Err(StoreError::NotFound(_))));
+    }
+    assert!(subject.claim().await.is_none());
+    assert_eq!(subject.store.ids().await.unwrap(), []);
+}
+
+async fn unknown_jobs_are_not_found(subject: &Subject) {
+    let id = JobId::new();
+    for result in subject.write_everything(id, 1).await {
+        assert!(matches!(result, Err(StoreError::NotFound(named)) if named == id), "{result:?}");
+    }
+    assert!(matches!(subject.store.request_cancel(id).await, Err(StoreError::NotFound(_))));
+    assert_eq!(subject.store.heartbeat(id, 1, LEASE).await.unwrap(), Heartbeat::Lost);
+}
+
+async fn names_are_taken_once(subject: &Subject) {
+    let job = subject.enqueue(3).await;
+    let again = NewJob { id: job.id, kind: "other".into(), payload: json!(null), max_attempts: 1 };
+    assert!(matches!(subject.store.enqueue(again).await, Err(StoreError::Backend(_))));
+    assert_eq!(subject.get(job.id).await, job);
+    subject.events(job.id).await;
+}
+
+async fn changes_are_announced(subject: &Subject) {
+    let mut changes = subject.store.changes();
+    let id = subject.running(3).await.job.id;
+    subject.store.request_cancel(id).await.unwrap();
+    subject.store.cancelled(id, 1).await.unwrap();
+    use EventKind::{CancelRequested, Cancelled, Queued, Started};
+    for (version, kind) in (1..).zip([Queued, Started, CancelRequested, Cancelled]) {
+        let change = changes.try_recv().unwrap();
+        assert_eq!((change.id, change.kind, change.version), (id, kind, version));
+    }
+    assert!(changes.try_recv().is_err());
+}
+
+async fn writers_at_the_same_time_leave_no_gap(subject: &Subject) {
+    let id = subject.running(3).await.job.id;
+    let writers: Vec<_> = (0..8)
+        .map(|number| {
+            let store = Arc::clone(&subject.store);
+            tokio::spawn(async move {
+                for step in 0..5 {
+                    store.progress(id, 1, json!({ "by": number, "step": step })).await.unwrap();
+                    store.heartbeat(id, 1, LEASE).await.unwrap();
+                }
+            })
+        })
+        .collect();
+    for writer in writers {
+        writer.await.unwrap();
+    }
+    assert_eq!(subject.events(id).await.len(), 2 + 8 * 5);
+}

@@ -1,0 +1,6 @@
+//! Models and clouds as files.
+
+pub mod glb;
+mod ply;
+
+pub use ply::cloud_ply;

@@ -1,0 +1,231 @@
+//! Untrusted image files as 8-bit drawings, held against limits before a pixel is decoded.
+
+use std::io::Cursor;
+
+use image::{DynamicImage, GrayImage, ImageError as DecodeError, ImageFormat, ImageReader, Limits};
+
+/// What an uploaded picture may cost.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ImageLimits {
+    /// Encoded size, bytes.
+    pub max_bytes: u64,
+    /// Width times height.
+    pub max_pixels: u64,
+    /// Width or height, px.
+    pub max_side_px: u32,
+}
+
+impl Default for ImageLimits {
+    fn default() -> Self {
+        Self { max_bytes: 32 << 20, max_pixels: 64_000_000, max_side_px: 16_384 }
+    }
+}
+
+impl ImageLimits {
+    /// Whether a picture of this size, as its header states it, may be decoded.
+    pub fn admit(&self, width: u32, height: u32) -> bool {
+        let pixels = u64::from(width) * u64::from(height);
+        pixels <= self.max_pixels && width.max(height) <= self.max_side_px
+    }
+
+    /// What a decoder may take for a picture whose header states this size.
+    pub fn of_decoder(width: u32, height: u32) -> Limits {
+        let mut limits = Limits::default();
+        limits.max_image_width = Some(width);
+        limits.max_image_height = Some(height);
+        // 16 bytes a pixel is the widest layout (32-bit float RGBA), twice for
+        // the decoder's own copy.
+        limits.max_alloc = Some(u64::from(width) * u64::from(height) * 32 + (1 << 20));
+        limits
+    }
+}
+
+/// Why bytes are not a usable drawing.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ImageError {
+    #[error("has {bytes} bytes, over the limit of {limit}")]
+    TooManyBytes { bytes: u64, limit: u64 },
+    #[error("is not a PNG, JPEG, WebP or TIFF image")]
+    NotAnImage,
+    #[error("is {width}x{height}, over the limit of {max_pixels} pixels and {max_side_px} a side")]
+    TooManyPixels { width: u32, height: u32, max_pixels: u64, max_side_px: u32 },
+    #[error("is damaged or truncated: {0}")]
+    Damaged(String),
+}
+
+/// A decoded drawing.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Drawing {
+    /// 8-bit grey, transparency laid on white.
+    pub gray: GrayImage,
+    /// Alpha, where the file has one that is not opaque everywhere.
+    pub alpha: Option<GrayImage>,
+}
+
+/// Reads format and size from the header and holds them against `limits`,
+/// without decoding any pixel.
+///
+/// # Errors
+/// All of [`ImageError`]; [`ImageError::Damaged`] if the header itself is cut.
+pub fn inspect(bytes: &[u8], limits: &ImageLimits) -> Result<(ImageFormat, u32, u32), ImageError> {
+    let size = bytes.len() as u64;
+    if size > limits.max_bytes {
+        return Err(ImageError::TooManyBytes { bytes: size, limit: limits.max_bytes });
+    }
+    let format = image::guess_format(bytes).map_err(|_| ImageError::NotAnImage)?;
+    use ImageFormat::{Jpeg, Png, Tiff, WebP};
+    if !matches!(format, Png | Jpeg | WebP | Tiff) {
+        return Err(ImageError::NotAnImage);
+    }
+    let (width, height) =
+        ImageReader::with_format(Cursor::new(bytes), format).into_dimensions().map_err(damaged)?;
+    if !limits.admit(width, height) {
+        return Err(ImageError::TooManyPixels {
+            width,
+            height,
+            max_pixels: limits.max_pixels,
+            max_side_px: limits.max_side_px,
+        });
+    }
+    if width == 0 || height == 0 {
+        return Err(ImageError::Damaged("it has no pixels".to_owned()));
+    }
+    Ok((format, width, height))
+}
+
+/// Decodes a drawing to 8-bit grey after [`inspect`]ing it.
+///
+/// Grey is the Rec. 601 luma that OpenCV uses; what is transparent is laid on
+/// white, the paper.
+///
+/// ```
+/// use picture::{ImageError, ImageLimits, decode, png};
+///
+/// let paper = image::GrayImage::from_pixel(40, 30, image::Luma([255]));
+/// let bytes = png(&paper).unwrap();
+/// assert_eq!(decode(&bytes, &ImageLimits::default()).unwrap().gray, paper);
+/// let tight = ImageLimits { max_side_px: 39, ..ImageLimits::default() };
+/// assert!(matches!(decode(&bytes, &tight), Err(ImageError::TooManyPixels { .. })));
+/// ```
+///
+/// # Errors
+/// All of [`ImageError`].
+pub fn decode(bytes: &[u8], limits: &ImageLimits) -> Result<Drawing, ImageError> {
+    let (format, width, height) = inspect(bytes, limits)?;
+    let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
+    reader.limits(ImageLimits::of_decoder(width, height));
+    let decoded = reader.decode().map_err(damaged)?;
+    if format == ImageFormat::Jpeg && is_cut_jpeg(bytes) {
+        return Err(ImageError::Damaged("the end marker of the JPEG is missing".to_owned()));
+    }
+    Ok(match decoded {
+        DynamicImage::ImageLuma8(gray) => Drawing { gray, alpha: None },
+        other => flatten(&other),
+    })
+}
+
+fn flatten(image: &DynamicImage) -> Drawing {
+    let rgba = image.to_rgba8();
+    let (width, height) = rgba.dimensions();
+    let gray = GrayImage::from_fn(width, height, |x, y| {
+        let [r, g, b, a] = rgba.get_pixel(x, y).0.map(u32::from);
+        let luma = (299 * r + 587 * g + 114 * b + 500) / 1000;
+        image::Luma([((luma * a + 255 * (255 - a) + 127) / 255) as u8])
+    });
+    let transparent = rgba.pixels().any(|pixel| pixel.0[3] < 255);
+    let alpha = transparent.then(|| {
+        GrayImage::from_fn(width, height, |x, y| image::Luma([rgba.get_pixel(x, y).0[3]]))
+    });
+    Drawing { gray, alpha }
+}
+
+/// Whether a JPEG has no end marker. The decoder fills what is missing with
+/// grey and says nothing.
+fn is_cut_jpeg(bytes: &[u8]) -> bool {
+    const END: [u8; 2] = [0xff, 0xd9];
+    const START_OF_SCAN: u8 = 0xda;
+    let mut at = 2;
+    // Past the segments before the picture: embedded previews end there too.
+    while let Some(&[0xff, marker, high, low]) = bytes.get(at..at + 4) {
+        if marker == START_OF_SCAN {
+            break;
+        }
+        at += if marker == 0xff { 1 } else { 2 + usize::from(u16::from_be_bytes([high, low])) };
+    }
+    !bytes.get(at..).is_some_and(|rest| rest.windows(2).any(|pair| pair == END))
+}
+
+fn damaged(error: DecodeError) -> ImageError {
+    match error {
+        DecodeError::Unsupported(_) => ImageError::NotAnImage,
+        other => ImageError::Damaged(other.to_string()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::{Rgba, RgbaImage};
+
+    fn encode(image: impl Into<DynamicImage>, format: ImageFormat) -> Vec<u8> {
+        let mut bytes = Cursor::new(Vec::new());
+        image.into().write_to(&mut bytes, format).unwrap();
+        bytes.into_inner()
+    }
+
+    fn gradient() -> GrayImage {
+        GrayImage::from_fn(32, 20, |x, y| image::Luma([(x * 7 + y) as u8]))
+    }
+
+    #[test]
+    fn grey_png_comes_back_as_it_is() {
+        let drawing =
+            decode(&encode(gradient(), ImageFormat::Png), &ImageLimits::default()).unwrap();
+        assert_eq!(drawing, Drawing { gray: gradient(), alpha: None });
+    }
+
+    #[test]
+    fn transparency_becomes_paper_and_a_mask() {
+        let image = RgbaImage::from_fn(4, 1, |x, _| match x {
+            0 => Rgba([0, 0, 0, 0]),
+            1 => Rgba([0, 0, 0, 255]),
+            2 => Rgba([255, 0, 0, 255]),
+            _ => Rgba([0, 0, 0, 51]),
+        });
+        let drawing = decode(&encode(image, ImageFormat::Png), &ImageLimits::default()).unwrap();
+        assert_eq!(drawing.gray.as_raw(), &[255, 0, 76, 204]);
+        assert_eq!(drawing.alpha.unwrap().as_raw(), &[0, 255, 255, 51]);
+    }
+
+    #[test]
+    fn size_is_refused_from_the_header() {
+        let png = encode(gradient(), ImageFormat::Png);
+        let limits = ImageLimits { max_pixels: 639, ..ImageLimits::default() };
+        let error = decode(&png[..64], &limits).unwrap_err();
+        assert!(
+            matches!(error, ImageError::TooManyPixels { width: 32, height: 20, .. }),
+            "{error}"
+        );
+        let limits = ImageLimits { max_bytes: 10, ..ImageLimits::default() };
+        assert!(matches!(decode(&png, &limits), Err(ImageError::TooManyBytes { .. })));
+    }
+
+    #[test]
+    fn cut_files_are_damaged_whatever_the_format() {
+        for format in [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::WebP, ImageFormat::Tiff] {
+            let bytes = encode(gradient(), format);
+            decode(&bytes, &ImageLimits::default()).unwrap();
+            for kept in [bytes.len() / 2, bytes.len() * 2 / 3, bytes.len() - 20] {
+                let error = decode(&bytes[..kept], &ImageLimits::default()).unwrap_err();
+                assert!(matches!(error, ImageError::Damaged(_)), "{format:?} {kept}: {error}");
+            }
+        }
+    }
+
+    #[test]
+    fn text_is_not_an_image() {
+        let error = decode(b"<svg></svg>", &ImageLimits::default()).unwrap_err();
+        assert_eq!(error, ImageError::NotAnImage);
+        assert_eq!(decode(b"", &ImageLimits::default()).unwrap_err(), ImageError::NotAnImage);
+    }
+}

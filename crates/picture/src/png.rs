@@ -1,0 +1,56 @@
+//! The one PNG encoder.
+
+use std::io::Cursor;
+
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use image::{DynamicImage, ExtendedColorType, ImageBuffer, ImageEncoder, PixelWithColorType};
+
+/// A file could not be encoded.
+#[derive(Debug, thiserror::Error)]
+#[error("{what} could not be encoded: {reason}")]
+pub struct EncodeError {
+    pub what: &'static str,
+    pub reason: String,
+}
+
+impl EncodeError {
+    pub fn new(what: &'static str, reason: impl ToString) -> Self {
+        Self { what, reason: reason.to_string() }
+    }
+}
+
+/// Encodes a picture of 8-bit channels.
+pub fn png<P>(picture: &ImageBuffer<P, Vec<u8>>) -> Result<Vec<u8>, EncodeError>
+where
+    P: PixelWithColorType<Subpixel = u8>,
+{
+    let (width, height) = picture.dimensions();
+    encode(picture.as_raw(), width, height, P::COLOR_TYPE)
+}
+
+/// Encodes a 16-bit grey picture.
+pub fn png16(picture: &ImageBuffer<image::Luma<u16>, Vec<u16>>) -> Result<Vec<u8>, EncodeError> {
+    let bytes: Vec<u8> = picture.iter().flat_map(|value| value.to_ne_bytes()).collect();
+    encode(&bytes, picture.width(), picture.height(), ExtendedColorType::L16)
+}
+
+/// Encodes a picture of any kind that PNG knows.
+///
+/// # Errors
+/// [`EncodeError`] for float pictures, which PNG has none of.
+pub fn dynamic_png(picture: &DynamicImage) -> Result<Vec<u8>, EncodeError> {
+    encode(picture.as_bytes(), picture.width(), picture.height(), picture.color().into())
+}
+
+fn encode(
+    bytes: &[u8],
+    width: u32,
+    height: u32,
+    color: ExtendedColorType,
+) -> Result<Vec<u8>, EncodeError> {
+    let mut png = Cursor::new(Vec::new());
+    PngEncoder::new_with_quality(&mut png, CompressionType::Fast, FilterType::Sub)
+        .write_image(bytes, width, height, color)
+        .map_err(|error| EncodeError::new("a picture", error))?;
+    Ok(png.into_inner())
+}

@@ -1,0 +1,128 @@
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::matches::PairMatchesDocument;
+
+use frames::UpAxis;
+
+/// The sheet document: `sheet.json` on disk, the part `sheet` of an upload and
+/// the stored description of a job. Image names are relative to the document.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SheetDocument {
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
+    /// Width of every view, px; the images themselves decide.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub width: Option<u32>,
+    /// Height of every view, px; the images themselves decide.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub height: Option<u32>,
+    /// Sheet pixels a unit of the true model.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pixels_per_unit: Option<f64>,
+    /// Camera elevation of views that state none, degrees, up positive.
+    #[serde(default)]
+    pub elevation_deg: f64,
+    pub views: Vec<ViewDocument>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub truth: Option<TruthDocument>,
+    /// Points that lie in a hole through the subject.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub holes: Vec<HoleDocument>,
+    /// Matches that a person corrected or made, by pair of neighbouring views.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub matches: Vec<PairMatchesDocument>,
+    /// Options, nested by stage; see `/v1/options`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub options: Option<Value>,
+}
+
+/// One drawn view.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ViewDocument {
+    /// Name of the drawing: PNG, JPEG, WebP or TIFF.
+    pub image: String,
+    /// Degrees, the camera moving counter-clockwise seen from above; 0 is the
+    /// front, 90 shows the subject's left side.
+    pub azimuth_deg: f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub elevation_deg: Option<f64>,
+    /// Name of the subject's mask: white inside.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mask: Option<String>,
+    /// Name of the true depth picture: distance from the camera plane, as an 8-
+    /// or 16-bit PNG (counts, 0 is background), PFM or EXR (units).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub depth: Option<String>,
+    /// Name of the true disparity picture: PNG, PFM or EXR. A view has a depth
+    /// or a disparity picture, not both.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub disparity: Option<String>,
+}
+
+/// What a picture of true values holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum TruthKind {
+    /// Distance from the camera plane: nearer is smaller.
+    Depth,
+    /// Disparity, or a ramp of nearness: nearer is larger.
+    Disparity,
+}
+
+impl ViewDocument {
+    /// The picture of true values and what it holds.
+    pub fn truth(&self) -> Option<(TruthKind, &str)> {
+        let depth = self.depth.as_deref().map(|name| (TruthKind::Depth, name));
+        depth.or(self.disparity.as_deref().map(|name| (TruthKind::Disparity, name)))
+    }
+
+    /// Names the picture of true values, or that there is none.
+    pub fn set_truth(&mut self, truth: Option<(TruthKind, String)>) {
+        (self.depth, self.disparity) = match truth {
+            Some((TruthKind::Depth, name)) => (Some(name), None),
+            Some((TruthKind::Disparity, name)) => (None, Some(name)),
+            None => (None, None),
+        };
+    }
+}
+
+/// What is known of the subject, for measuring.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TruthDocument {
+    /// Name of the true model: OBJ, PLY, STL, GLB or glTF, its origin on the
+    /// turntable axis at the pictures' middle row; needs `pixels_per_unit`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub model: Option<String>,
+    /// Which axis of the model points up; glTF has y, the others are read as z.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub model_up_axis: Option<UpAxis>,
+    /// Counts of PNG depth pictures a unit; PFM and EXR hold units. Without it,
+    /// `camera_distance` and `pixels_per_unit`, depths count up to scale only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub depth_counts_per_unit: Option<f64>,
+    /// Distance of the camera plane from the turntable axis, units.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub camera_distance: Option<f64>,
+    /// Signed angle from each view to the one that disparity pictures are
+    /// towards, degrees; they tell in px how far left each point moves then.
+    /// Without it they are ramps, nearer being larger, that count up to scale
+    /// and offset only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub disparity_pair_deg: Option<f64>,
+}
+
+/// A hole through the subject, pointed at in one view.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct HoleDocument {
+    pub azimuth_deg: f64,
+    /// Pixels right of the view's left edge.
+    pub x: f64,
+    /// Pixels below the view's top edge.
+    pub y: f64,
+}

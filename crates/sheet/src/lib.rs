@@ -1,0 +1,17 @@
+//! The model sheet: views of one subject, each drawn at a known angle.
+
+mod check;
+mod document;
+mod matches;
+mod view;
+
+pub use check::{
+    PictureSize, PlacedView, SheetProblem, SheetRequirements, check_document, check_mask_size,
+    check_sizes, check_truth_size,
+};
+pub use document::{HoleDocument, SheetDocument, TruthDocument, TruthKind, ViewDocument};
+pub use matches::{
+    MATCHES_FRAME, MatchDocument, MatchEdit, MatchesProblem, PairEdit, PairMatchesDocument,
+    SheetMatch, check_matches,
+};
+pub use view::{Sheet, SheetError, View};

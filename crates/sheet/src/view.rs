@@ -1,0 +1,134 @@
+use image::GrayImage;
+
+use super::PictureSize;
+use super::matches::{MatchEdit, MatchesProblem, PairEdit, PairMatchesDocument, check_matches};
+use frames::Azimuth;
+
+/// One decoded view.
+#[derive(Clone, Debug, PartialEq)]
+pub struct View {
+    pub azimuth: Azimuth,
+    /// Camera elevation, degrees, up positive.
+    pub elevation_deg: f64,
+    /// The drawing, 8-bit grey, lines dark on light.
+    pub image: GrayImage,
+    /// The subject's mask, above 127 inside, of the drawing's size.
+    pub mask: Option<GrayImage>,
+}
+
+impl View {
+    /// A drawing seen by a level camera.
+    pub fn level(azimuth: Azimuth, image: GrayImage, mask: Option<GrayImage>) -> Self {
+        Self { azimuth, elevation_deg: 0.0, image, mask }
+    }
+}
+
+/// Views of one subject, sorted by azimuth, no two alike.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sheet {
+    views: Vec<View>,
+    edits: Vec<PairEdit>,
+}
+
+/// Why views do not make a sheet.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SheetError {
+    #[error("two views have azimuth {0}; give each angle once (360 and 0 are the same)")]
+    DuplicateAzimuth(Azimuth),
+    #[error(
+        "the mask of view {azimuth} is {mask_width}x{mask_height}, its drawing {width}x{height}; make them the same size"
+    )]
+    MaskSize { azimuth: Azimuth, width: u32, height: u32, mask_width: u32, mask_height: u32 },
+}
+
+impl Sheet {
+    /// Sorts `views` by azimuth.
+    ///
+    /// # Errors
+    /// [`SheetError`] if two views share an azimuth or a mask does not fit.
+    pub fn new(mut views: Vec<View>) -> Result<Self, SheetError> {
+        views.sort_by_key(|view| view.azimuth);
+        for pair in views.windows(2) {
+            if pair[0].azimuth == pair[1].azimuth {
+                return Err(SheetError::DuplicateAzimuth(pair[0].azimuth));
+            }
+        }
+        for view in &views {
+            let (width, height) = view.image.dimensions();
+            if let Some((mask_width, mask_height)) = view.mask.as_ref().map(GrayImage::dimensions)
+                && (mask_width, mask_height) != (width, height)
+            {
+                return Err(SheetError::MaskSize {
+                    azimuth: view.azimuth,
+                    width,
+                    height,
+                    mask_width,
+                    mask_height,
+                });
+            }
+        }
+        Ok(Self { views, edits: Vec::new() })
+    }
+
+    /// Takes the matches that a document brings.
+    ///
+    /// # Errors
+    /// [`MatchesProblem`], see [`check_matches`].
+    pub fn with_matches(
+        self,
+        documents: &[PairMatchesDocument],
+        max_pair_angle_deg: f64,
+    ) -> Result<Self, MatchesProblem> {
+        let size = |view: &View| {
+            let (width, height) = view.image.dimensions();
+            (view.azimuth, PictureSize { width, height })
+        };
+        let sizes: Vec<_> = self.views.iter().map(size).collect();
+        let edits = check_matches(documents, &sizes, max_pair_angle_deg)?;
+        Ok(Self { edits, ..self })
+    }
+
+    /// What is done to the automatic matches of a pair of neighbours.
+    pub fn match_edit(&self, left: Azimuth, right: Azimuth) -> Option<&MatchEdit> {
+        let found = self.edits.iter().find(|edit| (edit.left, edit.right) == (left, right));
+        found.map(|edit| &edit.edit)
+    }
+
+    /// The views by rising azimuth.
+    pub fn views(&self) -> &[View] {
+        &self.views
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn view(degrees: f64) -> View {
+        View {
+            azimuth: Azimuth::from_degrees(degrees).unwrap(),
+            elevation_deg: 0.0,
+            image: GrayImage::new(4, 3),
+            mask: None,
+        }
+    }
+
+    #[test]
+    fn views_come_out_by_azimuth() {
+        let sheet = Sheet::new(vec![view(90.0), view(0.0), view(-45.0)]).unwrap();
+        let degrees: Vec<_> = sheet.views().iter().map(|v| v.azimuth.degrees()).collect();
+        assert_eq!(degrees, [0.0, 90.0, 315.0]);
+    }
+
+    #[test]
+    fn one_angle_written_twice_is_refused() {
+        let error = Sheet::new(vec![view(0.0), view(45.0), view(360.0)]).unwrap_err();
+        assert_eq!(error, SheetError::DuplicateAzimuth(Azimuth::from_degrees(0.0).unwrap()));
+    }
+
+    #[test]
+    fn a_mask_must_fit_its_drawing() {
+        let masked = View { mask: Some(GrayImage::new(3, 4)), ..view(0.0) };
+        assert!(matches!(Sheet::new(vec![masked]), Err(SheetError::MaskSize { .. })));
+    }
+}

@@ -1,0 +1,203 @@
+//! The method from a sheet to a draft: which stage follows which.
+
+use std::borrow::Cow;
+
+use frames::{Azimuth, NotFinite};
+use progress::{Cancelled, Observer, Share, Stage, Steps};
+use sheet::{HoleDocument, Sheet};
+
+use crate::depth::{self, DepthError, ViewDepth};
+use crate::options::TurntableOptions;
+use crate::registration::{self, ViewRegistration};
+use crate::silhouette::{SilhouetteError, Silhouettes};
+use crate::solid::{self, HoleHint, Solid, SolidError, SolidInput, ViewDepthMap};
+use crate::views::{ViewSet, ViewSetError};
+
+/// What the method finds.
+pub struct Draft<'a> {
+    /// As registered, if asked for.
+    pub views: ViewSet<'a>,
+    /// Per view, in the order of `views`, as are all below.
+    pub registrations: Vec<ViewRegistration>,
+    /// The subject's area in each view.
+    pub silhouettes: Silhouettes,
+    /// Each view's depth.
+    pub depths: Vec<ViewDepth>,
+    /// The closed surface.
+    pub solid: Solid,
+}
+
+/// Why there is no draft.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum DraftError {
+    /// A camera that is not level.
+    #[error(
+        "view {azimuth} is at elevation {elevation_deg} degrees; the method takes level views: leave it out"
+    )]
+    Elevated {
+        /// The view.
+        azimuth: Azimuth,
+        /// Its camera's elevation, degrees.
+        elevation_deg: f64,
+    },
+    /// The views do not fit together.
+    #[error(transparent)]
+    Views(#[from] ViewSetError),
+    /// A view shows no subject.
+    #[error(transparent)]
+    Silhouette(#[from] SilhouetteError),
+    /// No depth maps.
+    #[error(transparent)]
+    Depth(DepthError),
+    /// No solid.
+    #[error(transparent)]
+    Solid(SolidError),
+    /// A hole's azimuth is no angle.
+    #[error(transparent)]
+    Hole(#[from] NotFinite),
+    /// Somebody asked to stop.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}
+
+impl From<DepthError> for DraftError {
+    fn from(error: DepthError) -> Self {
+        match error {
+            DepthError::Cancelled(cancelled) => Self::Cancelled(cancelled),
+            other => Self::Depth(other),
+        }
+    }
+}
+
+impl From<SolidError> for DraftError {
+    fn from(error: SolidError) -> Self {
+        match error {
+            SolidError::Cancelled(cancelled) => Self::Cancelled(cancelled),
+            other => Self::Solid(other),
+        }
+    }
+}
+
+/// Where silhouettes end and depth ends within the method's work.
+const SILHOUETTES: f64 = 0.05;
+const DEPTHS: f64 = 0.6;
+
+/// What the method may hold in memory at once, bytes a pixel of every view:
+/// drawing, lines, grid and surface, were all views solved at once.
+pub const WORKING_BYTES_PER_PIXEL: u64 = 80;
+
+/// Makes a draft from a sheet, on rayon's current pool.
+///
+/// * `holes`: places that the sheet says one sees through.
+///
+/// ```
+/// use image::{GrayImage, Luma};
+/// use sheet::{Sheet, View};
+///
+/// // A block, 40 px wide from every side: its outline on white paper.
+/// let block = GrayImage::from_fn(64, 64, |x, y| {
+///     let edge = [12, 51].contains(&x) || [12, 51].contains(&y);
+///     let inside = (12..52).contains(&x) && (12..52).contains(&y);
+///     Luma([if edge && inside { 0 } else { 255 }])
+/// });
+/// let view = |degrees| {
+///     View::level(frames::Azimuth::from_degrees(degrees).unwrap(), block.clone(), None)
+/// };
+/// let sheet = Sheet::new(vec![view(0.0), view(90.0)]).unwrap();
+/// let options = turntable::options::TurntableOptions::default();
+/// let draft = turntable::reconstruct(&sheet, &[], &options, &progress::Silent).unwrap();
+/// let (low, high) = draft.solid.mesh.bounds().unwrap();
+/// assert!((high.z - low.z - 40.0).abs() < 2.0);
+/// ```
+///
+/// # Errors
+/// [`DraftError`] for views that cannot make a solid, and if `observer` says
+/// so.
+pub fn reconstruct<'a>(
+    sheet: &'a Sheet,
+    holes: &[HoleDocument],
+    options: &TurntableOptions,
+    observer: &dyn Observer,
+) -> Result<Draft<'a>, DraftError> {
+    let (views, silhouettes, registrations) = registered(view_set(sheet)?, options)?;
+    let share = Share::new(observer, 0.0, SILHOUETTES);
+    Steps::new(&share, Stage::Silhouettes, 1).done(1, "silhouettes")?;
+    let share = Share::new(observer, SILHOUETTES, DEPTHS);
+    let estimates = depth::estimate(&views, &silhouettes, &options.depth, &share)?;
+    let hole_hints = hole_hints(holes)?;
+    let (agreeing, outlines) = agreeing(&views, &silhouettes, &registrations);
+    let depth_maps: Vec<ViewDepthMap<'_>> = estimates
+        .iter()
+        .zip(&registrations)
+        .filter(|(_, found)| !found.contradicts)
+        .filter_map(|(view, _)| {
+            Some(ViewDepthMap { azimuth: view.azimuth, map: view.map.as_ref().ok()? })
+        })
+        .collect();
+    let input = SolidInput {
+        views: &agreeing,
+        silhouettes: &outlines,
+        depth_maps: &depth_maps,
+        hole_hints: &hole_hints,
+    };
+    let solid = solid::build(&input, &options.solid, &Share::new(observer, DEPTHS, 1.0))?;
+    drop(agreeing);
+    let from = options.depth.from;
+    let depths = depth::read_depth(&solid.mesh, &views, &silhouettes, estimates, from);
+    Ok(Draft { views, registrations, silhouettes, depths, solid })
+}
+
+/// What the solid is made of: views that contradict the others would carve
+/// away what these show.
+fn agreeing<'v, 'a>(
+    views: &'v ViewSet<'a>,
+    silhouettes: &'v Silhouettes,
+    registrations: &[ViewRegistration],
+) -> (Cow<'v, ViewSet<'a>>, Cow<'v, Silhouettes>) {
+    let keeps = |index: &usize| !registrations[*index].contradicts;
+    let kept: Vec<usize> = (0..registrations.len()).filter(keeps).collect();
+    match views.subset(&kept) {
+        Ok(fewer) if kept.len() < registrations.len() => {
+            let of_kept = kept.iter().map(|&index| silhouettes.silhouettes[index].clone());
+            let opposites = silhouettes.opposites.clone();
+            let silhouettes = Silhouettes { silhouettes: of_kept.collect(), opposites };
+            (Cow::Owned(fewer), Cow::Owned(silhouettes))
+        }
+        _ => (Cow::Borrowed(views), Cow::Borrowed(silhouettes)),
+    }
+}
+
+fn view_set(sheet: &Sheet) -> Result<ViewSet<'_>, DraftError> {
+    if let Some(view) = sheet.views().iter().find(|view| view.elevation_deg != 0.0) {
+        let (azimuth, elevation_deg) = (view.azimuth, view.elevation_deg);
+        return Err(DraftError::Elevated { azimuth, elevation_deg });
+    }
+    Ok(ViewSet::new(sheet.views().iter().map(Cow::Borrowed).collect())?)
+}
+
+type Registered<'a> = (ViewSet<'a>, Silhouettes, Vec<ViewRegistration>);
+
+/// Silhouettes, and how well they agree; views moved to fit if asked for.
+fn registered<'a>(
+    views: ViewSet<'a>,
+    options: &TurntableOptions,
+) -> Result<Registered<'a>, SilhouetteError> {
+    let alone = Silhouettes::of_views_alone(&views, &options.silhouette)?;
+    let found = registration::register(&views, &alone);
+    match registration::corrected(&views, &found).filter(|_| options.register) {
+        Some(views) => {
+            let moved = |index: usize| found[index].corrects();
+            let silhouettes = alone.with_changed(&views, moved, &options.silhouette)?;
+            Ok((views, silhouettes.joined(&options.silhouette), found))
+        }
+        None => Ok((views, alone.joined(&options.silhouette), found)),
+    }
+}
+
+fn hole_hints(holes: &[HoleDocument]) -> Result<Vec<HoleHint>, NotFinite> {
+    let hint = |hole: &HoleDocument| {
+        let azimuth = Azimuth::from_degrees(hole.azimuth_deg)?;
+        Ok(HoleHint { azimuth, x_px: hole.x, y_px: hole.y })
+    };
+    holes.iter().map(hint).collect()
+}

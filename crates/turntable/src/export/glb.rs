@@ -1,0 +1,293 @@
+//! The draft as binary glTF: with its support as colours, and with the drawings
+//! projected on it.
+
+use frames::Placement;
+use gltf::json::mesh::{Primitive, Semantic};
+use gltf::json::{Accessor, Index, Material};
+use image::GrayImage;
+use mesh::Mesh;
+use mesh::shading::{CREASE_ANGLE_DEG, ShadedMesh, shaded};
+use mesh::write::glb::{GlbWriter, matte, triangle_primitive, unlit};
+use nalgebra::Point3;
+use picture::{EncodeError, png};
+use serde_json::json;
+
+use crate::surface::projection::Rig;
+use crate::surface::support::Support;
+
+/// What the model and its reference planes are drawn from.
+pub(super) struct Drawn<'a> {
+    pub rig: &'a Rig,
+    /// Of the rig's views, in their order.
+    pub drawings: Vec<&'a GrayImage>,
+    pub placement: &'a Placement,
+}
+
+/// The model with its support as vertex colours: white what lines or depths
+/// show, blue what outlines bound, orange what is guessed.
+///
+/// # Errors
+/// [`EncodeError`] for a mesh without triangles and supports that are not its own.
+pub(super) fn solid_glb(
+    mesh: &Mesh,
+    support: &[Support],
+    drawn: &Drawn<'_>,
+) -> Result<Vec<u8>, EncodeError> {
+    check(mesh, support.len(), mesh.positions.len())?;
+    let mut file = writer();
+    let shaded = shaded(mesh, CREASE_ANGLE_DEG);
+    let material = file.material(matte("solid", [1.0; 4]));
+    let colours: Vec<[u8; 4]> =
+        shaded.sources.iter().map(|&source| colour(support[source as usize])).collect();
+    let mut attributes = geometry(&mut file, &shaded, drawn.placement);
+    attributes.push((Semantic::Colors(0), file.colors(&colours)));
+    let triangles = file.triangles(&shaded.triangles);
+    model_node(&mut file, vec![triangle_primitive(attributes, triangles, material)], drawn)?;
+    file.finish()
+}
+
+/// The model with the drawings projected on it, unlit.
+///
+/// * `labels`: per triangle, the view whose drawing colours it; the number of
+///   views for paper without lines.
+/// * `reference_planes`: whether each drawing is added as a plane behind the
+///   model.
+///
+/// # Errors
+/// [`EncodeError`] for a mesh without triangles and labels that are not its own.
+pub(super) fn textured_glb(
+    mesh: &Mesh,
+    labels: &[usize],
+    drawn: &Drawn<'_>,
+    reference_planes: bool,
+) -> Result<Vec<u8>, EncodeError> {
+    check(mesh, labels.len(), mesh.triangles.len())?;
+    let mut file = writer();
+    let shaded = shaded(mesh, CREASE_ANGLE_DEG);
+    let views = drawn.rig.azimuths.len();
+    let mut materials: Vec<Option<Index<Material>>> = vec![None; views];
+    let mut primitives = Vec::new();
+    for view in 0..views {
+        let part = part_of(&shaded, labels, view);
+        if part.triangles.is_empty() {
+            continue;
+        }
+        let material = drawing_material(&mut file, &mut materials, view, drawn)?;
+        let mut attributes = geometry(&mut file, &part, drawn.placement);
+        let coordinates: Vec<[f32; 2]> =
+            part.positions.iter().map(|point| drawn.rig.texture_coordinates(view, point)).collect();
+        attributes.push((Semantic::TexCoords(0), file.texture_coordinates(&coordinates)));
+        let triangles = file.triangles(&part.triangles);
+        primitives.push(triangle_primitive(attributes, triangles, material));
+    }
+    let unseen = part_of(&shaded, labels, views);
+    if !unseen.triangles.is_empty() {
+        let material = file.material(unlit("unseen", None));
+        let attributes = geometry(&mut file, &unseen, drawn.placement);
+        let triangles = file.triangles(&unseen.triangles);
+        primitives.push(triangle_primitive(attributes, triangles, material));
+    }
+    model_node(&mut file, primitives, drawn)?;
+    for view in (0..views).filter(|_| reference_planes) {
+        let material = drawing_material(&mut file, &mut materials, view, drawn)?;
+        reference_plane(&mut file, view, material, drawn)?;
+    }
+    file.finish()
+}
+
+fn check(mesh: &Mesh, found: usize, expected: usize) -> Result<(), EncodeError> {
+    if mesh.triangles.is_empty() {
+        Err(EncodeError::new("the model", "it has no triangles"))
+    } else if found != expected {
+        let reason = format!("{found} labels were given for {expected} items");
+        Err(EncodeError::new("the model", reason))
+    } else {
+        Ok(())
+    }
+}
+
+fn writer() -> GlbWriter {
+    GlbWriter::new(concat!("turnaround ", env!("CARGO_PKG_VERSION")).to_owned())
+}
+
+type Attributes = Vec<(Semantic, Index<Accessor>)>;
+
+fn geometry(file: &mut GlbWriter, mesh: &ShadedMesh, placement: &Placement) -> Attributes {
+    let positions: Vec<[f32; 3]> =
+        mesh.positions.iter().map(|point| placement.gltf_from_turntable(point)).collect();
+    let normals: Vec<[f32; 3]> = mesh.normals.iter().map(Placement::gltf_direction).collect();
+    vec![
+        (Semantic::Positions, file.positions(&positions)),
+        (Semantic::Normals, file.normals(&normals)),
+    ]
+}
+
+fn model_node(
+    file: &mut GlbWriter,
+    primitives: Vec<Primitive>,
+    drawn: &Drawn<'_>,
+) -> Result<(), EncodeError> {
+    let azimuths: Vec<f64> = drawn.rig.azimuths.iter().map(|azimuth| azimuth.degrees()).collect();
+    let extras = json!({
+        "turnaround": {
+            "version": env!("CARGO_PKG_VERSION"),
+            "azimuths_deg": azimuths,
+            "pixels_per_metre": drawn.placement.pixels_per_metre(),
+        },
+    });
+    file.node("model", primitives, Some(&extras))
+}
+
+/// The unlit, two-sided material that shows a view's drawing, made once.
+fn drawing_material(
+    file: &mut GlbWriter,
+    materials: &mut [Option<Index<Material>>],
+    view: usize,
+    drawn: &Drawn<'_>,
+) -> Result<Index<Material>, EncodeError> {
+    if let Some(material) = materials[view] {
+        return Ok(material);
+    }
+    let name = format!("view_{}", drawn.rig.azimuths[view].padded());
+    let texture = file.png_texture(&name, &png(drawn.drawings[view])?);
+    let material = file.material(unlit(&name, Some(texture)));
+    materials[view] = Some(material);
+    Ok(material)
+}
+
+/// A drawing as a quad behind the model, seen from its camera.
+fn reference_plane(
+    file: &mut GlbWriter,
+    view: usize,
+    material: Index<Material>,
+    drawn: &Drawn<'_>,
+) -> Result<(), EncodeError> {
+    let rig = drawn.rig;
+    let (width, height) = (f64::from(rig.width), f64::from(rig.height));
+    let (sine, cosine) = rig.azimuths[view].radians().sin_cos();
+    let depth = width.max(height) / 2.0;
+    let corners = [(0.0, height), (width, height), (width, 0.0), (0.0, 0.0)];
+    let positions = corners.map(|(column, row)| {
+        let right = column - rig.axis_px;
+        let point = Point3::new(
+            right * cosine - depth * sine,
+            right * sine + depth * cosine,
+            rig.origin_row_px - row,
+        );
+        drawn.placement.gltf_from_turntable(&point)
+    });
+    let coordinates = [[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]];
+    let attributes = [
+        (Semantic::Positions, file.positions(&positions)),
+        (Semantic::TexCoords(0), file.texture_coordinates(&coordinates)),
+    ];
+    let triangles = file.triangles(&[[0, 1, 2], [0, 2, 3]]);
+    let name = format!("ref_{}", rig.azimuths[view].padded());
+    file.node(&name, vec![triangle_primitive(attributes, triangles, material)], NO_EXTRAS)
+}
+
+const NO_EXTRAS: Option<&()> = None;
+
+fn colour(support: Support) -> [u8; 4] {
+    match support {
+        Support::Seen => [255, 255, 255, 255],
+        Support::Hull => [190, 214, 255, 255],
+        Support::Guessed => [255, 205, 160, 255],
+    }
+}
+
+/// The triangles labelled `view`, with the vertices they use.
+fn part_of(mesh: &ShadedMesh, labels: &[usize], view: usize) -> ShadedMesh {
+    let mut part = ShadedMesh::default();
+    let mut new_index = vec![u32::MAX; mesh.positions.len()];
+    for (triangle, _) in mesh.triangles.iter().zip(labels).filter(|(_, label)| **label == view) {
+        part.triangles.push(triangle.map(|old| {
+            let index = &mut new_index[old as usize];
+            if *index == u32::MAX {
+                *index = part.positions.len() as u32;
+                part.positions.push(mesh.positions[old as usize]);
+                part.normals.push(mesh.normals[old as usize]);
+                part.sources.push(mesh.sources[old as usize]);
+            }
+            *index
+        }));
+    }
+    part
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use frames::{Azimuth, ExportOptions};
+
+    fn pyramid() -> Mesh {
+        let positions = [(0.0, -8.0, -5.0), (6.0, 4.0, -5.0), (-6.0, 4.0, -5.0), (0.0, 0.0, 13.0)];
+        Mesh {
+            positions: positions.map(|(x, y, z)| Point3::new(x, y, z)).to_vec(),
+            triangles: vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]],
+        }
+    }
+
+    fn rig() -> Rig {
+        Rig {
+            azimuths: [0.0, 22.5].map(|degrees| Azimuth::from_degrees(degrees).unwrap()).to_vec(),
+            width: 40,
+            height: 32,
+            axis_px: 20.0,
+            origin_row_px: 16.0,
+        }
+    }
+
+    fn written(textured: bool) -> (gltf::Document, Vec<u8>) {
+        let (mesh, rig) = (pyramid(), rig());
+        let drawing = GrayImage::from_pixel(40, 32, image::Luma([200]));
+        let placement = Placement::new(mesh.bounds().unwrap(), &ExportOptions::default());
+        let drawn = Drawn { rig: &rig, drawings: vec![&drawing; 2], placement: &placement };
+        let glb = if textured {
+            textured_glb(&mesh, &[0, 0, 1, 2], &drawn, true).unwrap()
+        } else {
+            solid_glb(&mesh, &[Support::Seen; 4], &drawn).unwrap()
+        };
+        let parsed = gltf::Gltf::from_slice(&glb).unwrap();
+        (parsed.document, parsed.blob.unwrap())
+    }
+
+    #[test]
+    fn stands_on_the_ground_facing_the_viewer() {
+        let (document, blob) = written(false);
+        let mesh = document.meshes().next().unwrap();
+        let primitive = mesh.primitives().next().unwrap();
+        let bounds = primitive.bounding_box();
+        assert_eq!(bounds.min[1], 0.0);
+        assert!((bounds.max[1] - 1.8).abs() < 1e-6);
+        // The corner nearest to the viewer at azimuth 0 faces +Z.
+        assert!((bounds.max[2] - 0.8).abs() < 1e-6);
+        let reader = primitive.reader(|_| Some(&blob));
+        assert_eq!(reader.read_indices().unwrap().into_u32().count(), 12);
+        assert_eq!(reader.read_normals().unwrap().len(), 12);
+    }
+
+    #[test]
+    fn planes_are_named_by_azimuth() {
+        let (document, _) = written(true);
+        let names: Vec<_> =
+            document.nodes().filter_map(|node| node.name().map(str::to_owned)).collect();
+        assert_eq!(names, ["model", "ref_000", "ref_022.5"]);
+        assert_eq!(document.images().count(), 2);
+        let model = document.meshes().next().unwrap();
+        let textured = |primitive: gltf::Primitive| {
+            primitive.material().pbr_metallic_roughness().base_color_texture().is_some()
+        };
+        assert_eq!(model.primitives().map(textured).collect::<Vec<_>>(), [true, true, false]);
+        assert!(document.materials().all(|material| material.unlit()));
+    }
+
+    #[test]
+    fn labels_must_fit() {
+        let (mesh, rig) = (pyramid(), rig());
+        let placement = Placement::new(mesh.bounds().unwrap(), &ExportOptions::default());
+        let drawn = Drawn { rig: &rig, drawings: vec![], placement: &placement };
+        let error = textured_glb(&mesh, &[0], &drawn, false).unwrap_err();
+        assert!(error.to_string().contains("1 labels were given for 4"), "{error}");
+    }
+}

@@ -1,0 +1,77 @@
+//! The draft as files.
+
+mod glb;
+mod obj;
+
+use artifacts::{Artifact, ArtifactName, Files, ViewArtifact};
+use frames::Placement;
+use mesh::thumbnail;
+use picture::{EncodeError, FloatImage, normals_png, silhouette_png};
+
+use crate::depth::normals_from_depth;
+use crate::draft::Draft;
+use crate::surface::projection::{Rig, best_views};
+use glb::{Drawn, solid_glb, textured_glb};
+use obj::quad_obj;
+
+/// Disparity is that towards a view this far on, degrees.
+pub const DISPARITY_ANGLE_DEG: f64 = 5.0;
+/// Neighbouring depths that differ by more are different surfaces, px.
+const MAX_NORMAL_STEP_PX: f32 = 4.0;
+
+/// The maps of the draft's view at `index`.
+///
+/// # Errors
+/// [`EncodeError`] for a picture that cannot be written.
+pub fn view_files(draft: &Draft<'_>, index: usize) -> Result<Files, EncodeError> {
+    let (view, silhouette) = (&draft.depths[index], &draft.silhouettes.silhouettes[index]);
+    let name = |artifact| ArtifactName::View(view.azimuth, artifact);
+    let mut files =
+        Files::of_maps(view.azimuth, &disparity(&view.map.depth_px), &view.map.depth_px)?;
+    let normals = normals_png(&normals_from_depth(&view.map.depth_px, MAX_NORMAL_STEP_PX))?;
+    files.artifacts.push(Artifact::new(name(ViewArtifact::NormalsPng), normals));
+    let mask = silhouette_png(silhouette.mask())?;
+    files.artifacts.push(Artifact::new(name(ViewArtifact::SilhouettePng), mask));
+    Ok(files)
+}
+
+/// How far points lie from where the axis plane's would, towards the view
+/// 5 degrees on, px: near is large.
+fn disparity(depth_px: &FloatImage) -> FloatImage {
+    let sine = DISPARITY_ANGLE_DEG.to_radians().sin() as f32;
+    let mut disparity = depth_px.clone();
+    disparity.iter_mut().for_each(|value| *value *= -sine);
+    disparity
+}
+
+/// The solid as models, and its picture.
+///
+/// * `reference_planes`: whether textured.glb has each drawing as a plane
+///   behind the model.
+///
+/// # Errors
+/// [`EncodeError`] for a file that cannot be written.
+pub fn model_files(
+    draft: &Draft<'_>,
+    placement: &Placement,
+    reference_planes: bool,
+) -> Result<Files, EncodeError> {
+    let solid = &draft.solid;
+    let rig = Rig::of_views(&draft.views);
+    let drawn = Drawn {
+        rig: &rig,
+        drawings: draft.views.views().iter().map(|view| &view.image).collect(),
+        placement,
+    };
+    let labels = best_views(&solid.mesh, &rig);
+    let artifacts = vec![
+        Artifact::new(ArtifactName::Solid, solid_glb(&solid.mesh, &solid.support, &drawn)?),
+        Artifact::new(ArtifactName::SolidObj, quad_obj(&solid.mesh, placement).into_bytes()),
+        Artifact::new(
+            ArtifactName::Textured,
+            textured_glb(&solid.mesh, &labels, &drawn, reference_planes)?,
+        ),
+        Artifact::new(ArtifactName::Thumbnail, thumbnail(&solid.mesh)?),
+    ];
+    Ok(Files { artifacts, ..Files::default() })
+}

@@ -1,0 +1,145 @@
+//! The draft in numbers, and what they warn of.
+
+use mesh::Mesh;
+use mesh::topology::check_manifold;
+use picture::ValueRange;
+use serde::Serialize;
+
+use crate::depth::{DepthSource, Fallback};
+use crate::draft::Draft;
+use crate::export::DISPARITY_ANGLE_DEG;
+use crate::options::TurntableOptions;
+use crate::registration::ViewRegistration;
+use crate::silhouette::{OppositePair, SilhouetteSource};
+use crate::solid::SolidReport;
+
+/// A view that fits its neighbours in fewer rows contradicts them.
+const MIN_CONSISTENCY: f64 = 0.8;
+
+/// What is measured of the whole.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Metrics {
+    views: Vec<ViewMetrics>,
+    opposite_views: Vec<OppositePair>,
+    solid: SolidReport,
+    mesh: MeshMetrics,
+    /// Angle of the pair that disparity maps stand for, degrees.
+    disparity_angle_deg: f64,
+    pub warnings: Vec<String>,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize)]
+struct ViewMetrics {
+    azimuth_deg: f64,
+    silhouette: SilhouetteMetrics,
+    registration: ViewRegistration,
+    /// Whether the drawing was moved as `registration` says.
+    corrected: bool,
+    depth: DepthMetrics,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize)]
+struct SilhouetteMetrics {
+    source: SilhouetteSource,
+    area_px: usize,
+    half_line_px: f64,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize)]
+struct DepthMetrics {
+    range_px: Option<ValueRange>,
+    /// Share of the crossings of lines with rows whose depth is known.
+    matched_share: f64,
+    /// What the depth was read from.
+    source: DepthSource,
+    /// Why the view's own lines tell nothing.
+    fallback: Option<Fallback>,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize)]
+struct MeshMetrics {
+    vertices: usize,
+    triangles: usize,
+    /// Whether it is closed and a 2-manifold.
+    watertight: bool,
+    /// What is wrong with it.
+    defect: Option<String>,
+    height_px: f64,
+}
+
+/// Puts together what each stage says.
+pub fn measure(draft: &Draft<'_>, options: &TurntableOptions) -> Metrics {
+    let silhouettes = draft.silhouettes.silhouettes.iter();
+    let views = silhouettes.zip(&draft.registrations).zip(&draft.depths);
+    let views: Vec<_> = views
+        .map(|((silhouette, registration), depth)| ViewMetrics {
+            azimuth_deg: depth.azimuth.degrees(),
+            silhouette: SilhouetteMetrics {
+                source: silhouette.source(),
+                area_px: silhouette.area_px(),
+                half_line_px: silhouette.half_line_px(),
+            },
+            registration: *registration,
+            corrected: options.register && registration.corrects(),
+            depth: DepthMetrics {
+                range_px: ValueRange::of(&depth.map.depth_px),
+                matched_share: depth.matched_share,
+                source: depth.source,
+                fallback: depth.fallback,
+            },
+        })
+        .collect();
+    let mesh = mesh_metrics(&draft.solid.mesh);
+    Metrics {
+        warnings: warnings(&views, &mesh),
+        views,
+        opposite_views: draft.silhouettes.opposites.clone(),
+        solid: draft.solid.report.clone(),
+        mesh,
+        disparity_angle_deg: DISPARITY_ANGLE_DEG,
+    }
+}
+
+fn mesh_metrics(mesh: &Mesh) -> MeshMetrics {
+    let defect = check_manifold(mesh).err();
+    MeshMetrics {
+        vertices: mesh.positions.len(),
+        triangles: mesh.triangles.len(),
+        watertight: defect.is_none(),
+        defect: defect.map(|defect| defect.to_string()),
+        height_px: mesh.bounds().map_or(0.0, |(low, high)| high.z - low.z),
+    }
+}
+
+fn warnings(views: &[ViewMetrics], mesh: &MeshMetrics) -> Vec<String> {
+    let mut warnings = Vec::new();
+    for view in views {
+        let (azimuth, share) = (view.azimuth_deg, view.registration.consistency);
+        if view.registration.contradicts {
+            warnings.push(format!(
+                "view {azimuth} contradicts the others, which agree better without it; it is left out of the solid; check its angle and drawing"
+            ));
+        } else if share < MIN_CONSISTENCY {
+            warnings.push(format!(
+                "view {azimuth} fits its neighbours in {:.0} % of its rows; check its angle and drawing",
+                share * 100.0
+            ));
+        }
+        if let Some(Fallback::TooFewLines { matched, required }) = view.depth.fallback {
+            warnings.push(format!(
+                "view {azimuth}: {matched} line points matched to neighbours, {required} are required; its depth is the solid's"
+            ));
+        }
+    }
+    let without =
+        |view: &&ViewMetrics| matches!(view.depth.fallback, Some(Fallback::NoNeighbours { .. }));
+    let count = views.iter().filter(without).count();
+    if count > 0 {
+        warnings.push(format!(
+            "{count} of {} views have too few neighbours near; their depth is the solid's alone",
+            views.len()
+        ));
+    }
+    warnings.extend(mesh.defect.as_ref().map(|defect| format!("the mesh is not closed: {defect}")));
+    warnings
+}

@@ -1,0 +1,365 @@
+//! The solid from few views: the visual hull slice by slice, rounded where no
+//! line says that it is sharp.
+
+mod branches;
+mod carving;
+mod crease;
+mod fusion;
+mod holes;
+mod outline;
+mod parts;
+mod phantoms;
+mod rounding;
+mod section;
+mod solid_views;
+mod symmetry;
+#[cfg(test)]
+mod tests;
+mod voxel;
+
+use nalgebra::{Point2, Point3};
+
+use crate::depth_map::DepthMap;
+pub use crate::options::{Holes, SolidKind, SolidOptions, Switch};
+use crate::silhouette::Silhouettes;
+use crate::surface::field::{Field, Lattice, Plane};
+use crate::surface::marching::marching_cubes;
+use crate::surface::occupancy::Occupancy;
+use crate::surface::projection::Rig;
+use crate::surface::support::{Support, Witness, vertex_support};
+use crate::surface::{clusters, decimate, quad_mesh};
+use crate::views::ViewSet;
+use carving::CarvingView;
+use crease::Slice;
+use frames::Azimuth;
+pub use holes::{Hole, HoleHint};
+use mesh::shading::{CREASE_ANGLE_DEG, crease_edges};
+use mesh::{Mesh, components};
+use outline::Outline;
+use progress::{Cancelled, Observer, Stage, Steps};
+use solid_views::SolidSheet;
+pub use symmetry::MirrorPlane;
+
+/// What the solid is made of.
+#[derive(Clone, Debug)]
+pub struct Solid {
+    /// Closed and manifold, outward; turntable frame, px.
+    pub mesh: Mesh,
+    /// Edges of `mesh` that are creases, low vertex first.
+    pub creases: Vec<[u32; 2]>,
+    /// What each vertex of `mesh` rests on.
+    pub support: Vec<Support>,
+    pub report: SolidReport,
+}
+
+/// What was found and decided on the way.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
+pub struct SolidReport {
+    /// Directions that bound the solid, after joining opposite views.
+    pub directions: usize,
+    pub mirror_plane: Option<MirrorPlane>,
+    pub holes: Vec<Hole>,
+    /// Views, drawn or mirrored, whose depths carved the solid.
+    pub carving_views: usize,
+    /// Slices through the solid and the distance between them, px.
+    pub slices: usize,
+    pub pitch_px: f64,
+    /// Parts that no outline needs and no line shows.
+    pub ghosts: usize,
+    /// Parts that were cut to the lines that bound them.
+    pub parts: usize,
+    /// Corners of slices that are sharp, and all.
+    pub sharp_corners: usize,
+    pub corners: usize,
+    pub pieces: components::Pieces,
+    /// Triangles of the surface as it was found, and in the end.
+    pub full_faces: usize,
+    pub faces: usize,
+}
+
+/// The depths of one view.
+#[derive(Clone, Copy, Debug)]
+pub struct ViewDepthMap<'a> {
+    pub azimuth: Azimuth,
+    pub map: &'a DepthMap,
+}
+
+/// Why there is no solid.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SolidError {
+    #[error("the views look along {found} direction, {required} are required")]
+    TooFewDirections { found: usize, required: usize },
+    #[error("the silhouettes have no row in common")]
+    NoCommonRow,
+    #[error("the silhouettes contradict each other everywhere: nothing is inside all of them")]
+    Empty,
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}
+
+/// What a solid is built from.
+#[derive(Clone, Copy)]
+pub struct SolidInput<'a> {
+    pub views: &'a ViewSet<'a>,
+    /// Those of `views`, in their order.
+    pub silhouettes: &'a Silhouettes,
+    /// Of some of the views, or none.
+    pub depth_maps: &'a [ViewDepthMap<'a>],
+    pub hole_hints: &'a [HoleHint],
+}
+
+/// Views, slices, creases, field, surface, decimation, support.
+const STEPS: usize = 7;
+/// Fewer triangles bound no shape worth having.
+const MIN_TARGET_FACES: usize = 100;
+
+/// Builds the solid that the silhouettes, lines and depths of views show.
+///
+/// # Errors
+/// [`SolidError`] for views along one line, silhouettes that share nothing,
+/// and if `observer` says so.
+pub fn build(
+    input: &SolidInput,
+    options: &SolidOptions,
+    observer: &dyn Observer,
+) -> Result<Solid, SolidError> {
+    let mut report = SolidReport::default();
+    let steps = Steps::new(observer, Stage::Solid, STEPS);
+    steps.done(0, "")?;
+    let sheet = prepared_sheet(input, options, &mut report);
+    let full = full_mesh(&sheet, input, options, &steps, &mut report)?;
+    let (full, pieces) = components::without_floaters(&full, options.min_piece_percent / 100.0);
+    report.pieces = pieces;
+    if full.triangles.is_empty() {
+        return Err(SolidError::Empty);
+    }
+    steps.done(5, "surface")?;
+    let mesh = decimate::decimated(
+        &full,
+        (options.target_faces as usize).max(MIN_TARGET_FACES),
+        options.tolerance_px,
+    );
+    report.faces = mesh.triangles.len();
+    steps.done(6, "decimation")?;
+    let support = support_of(&mesh, input, &sheet);
+    steps.done(STEPS, "support")?;
+    Ok(Solid { creases: crease_edges(&mesh, CREASE_ANGLE_DEG), support, mesh, report })
+}
+
+/// The views with their holes cut out, and mirrored ones.
+fn prepared_sheet(
+    input: &SolidInput,
+    options: &SolidOptions,
+    report: &mut SolidReport,
+) -> SolidSheet {
+    let mut sheet = SolidSheet::new(input.views, input.silhouettes);
+    let silhouettes = input.silhouettes.silhouettes.iter();
+    let (masks, half_line_px): (Vec<_>, Vec<_>) =
+        silhouettes.map(|silhouette| (silhouette.mask(), silhouette.half_line_px())).unzip();
+    let seen = symmetry::detect(&sheet.drawings(), false);
+    if options.holes != Holes::Off || !input.hole_hints.is_empty() {
+        report.holes = holes::carve(
+            &mut sheet,
+            &masks,
+            &half_line_px,
+            seen.as_ref(),
+            input.hole_hints,
+            options.holes,
+        );
+    }
+    if options.symmetry != Switch::Off && options.kind == SolidKind::Creased {
+        let forced = options.symmetry == Switch::On;
+        let plane =
+            seen.or_else(|| forced.then(|| symmetry::detect(&sheet.drawings(), true)).flatten());
+        if let Some(plane) = plane {
+            let images = sheet.mirrored(&plane);
+            if forced || symmetry::leaves_covered(&sheet, &images) {
+                report.mirror_plane = Some(plane);
+                sheet.views.extend(images);
+            }
+        }
+    }
+    sheet
+}
+
+/// The solid's surface, coarser where it is flat.
+fn full_mesh(
+    sheet: &SolidSheet,
+    input: &SolidInput,
+    options: &SolidOptions,
+    steps: &Steps<'_>,
+    report: &mut SolidReport,
+) -> Result<Mesh, SolidError> {
+    let directions = sheet.directions();
+    report.directions = directions.len();
+    if directions.len() < 2 {
+        return Err(SolidError::TooFewDirections { found: directions.len(), required: 2 });
+    }
+    steps.done(1, "views")?;
+    let lattice = lattice_of(sheet, &directions, options)?;
+    report.pitch_px = lattice.pitch_px;
+    if options.kind == SolidKind::Voxel {
+        steps.done(4, "field")?;
+        let occupancy = voxel::carve(&lattice, &directions, sheet.origin_row_px);
+        let mesh = marching_cubes(&lattice, &occupancy);
+        report.full_faces = mesh.triangles.len();
+        return Ok(mesh);
+    }
+    let mut slices = slices_of(sheet, &directions, &lattice);
+    report.slices = slices.len();
+    if options.drop_ghosts && options.kind == SolidKind::Creased {
+        report.ghosts = phantoms::drop_ghosts(&mut slices, &directions, &sheet.ink_evidence());
+    }
+    if options.parts && options.kind == SolidKind::Creased {
+        let evidence = sheet.ink_evidence();
+        report.parts = parts::cut_parts(&mut slices, &directions, &evidence, lattice.pitch_px);
+    }
+    steps.done(2, "slices")?;
+    let outlines = outlines_of(sheet, &slices, &lattice, options, report);
+    steps.done(3, "creases")?;
+    let mut field = field_of(lattice, outlines);
+    if options.fusion && options.kind == SolidKind::Creased && !input.depth_maps.is_empty() {
+        let views =
+            CarvingView::of_sheet(sheet, input.depth_maps, fusion::reach_px(&field.lattice));
+        report.carving_views = views.len();
+        fuse(&mut field, &slices, &directions, &views);
+    }
+    steps.done(4, "field")?;
+    let occupancy = Occupancy::of_field(&field);
+    let quads = quad_mesh::quads_of_field(&field, &occupancy);
+    report.full_faces = quads.quads.len() * 2;
+    Ok(clusters::clustered(&quads, &occupancy, options.tolerance_px))
+}
+
+fn support_of(mesh: &Mesh, input: &SolidInput, sheet: &SolidSheet) -> Vec<Support> {
+    let silhouettes = input.silhouettes.silhouettes.iter().enumerate();
+    let witnesses: Vec<Witness> = silhouettes
+        .map(|(drawing, silhouette)| Witness {
+            silhouette,
+            near_ink: sheet.near_ink(drawing),
+            depth_px: input
+                .depth_maps
+                .iter()
+                .find(|map| map.azimuth == silhouette.azimuth())
+                .map(|found| &found.map.depth_px),
+        })
+        .collect();
+    vertex_support(mesh, &Rig::of_views(input.views), &witnesses)
+}
+
+/// The lattice that holds all that is inside every silhouette.
+fn lattice_of(
+    sheet: &SolidSheet,
+    directions: &[Outline],
+    options: &SolidOptions,
+) -> Result<Lattice, SolidError> {
+    let ranges: Option<Vec<_>> = directions.iter().map(Outline::row_range).collect();
+    let (first, last) = ranges
+        .ok_or(SolidError::NoCommonRow)?
+        .into_iter()
+        .fold((0, usize::MAX), |all, range| (all.0.max(range.0), all.1.min(range.1)));
+    if first >= last {
+        return Err(SolidError::NoCommonRow);
+    }
+    let half_px = half_extent_px(directions);
+    let longest_px = (last - first).max((half_px * 2.0) as usize) as f64;
+    let pitch_px = (longest_px / f64::from(options.resolution.clamp(16, 512))).max(1.0);
+    let across = (half_px * 2.0 / pitch_px).ceil() as usize + 1;
+    let up = ((last - first) as f64 / pitch_px).ceil() as usize;
+    let low_z = sheet.origin_row_px - last as f64 + pitch_px / 2.0;
+    let low = -(across as f64 - 1.0) / 2.0 * pitch_px;
+    Ok(Lattice {
+        origin: Point3::new(low, low, low_z),
+        pitch_px,
+        nodes: [across, across, up.max(1)],
+    })
+}
+
+/// Nothing that a view shows is farther from the axis than this, px.
+fn half_extent_px(directions: &[Outline]) -> f64 {
+    let reach = |outline: &Outline| {
+        outline.column_range().map_or(0.0, |(low, high)| high.abs().max(low.abs()))
+    };
+    directions.iter().map(reach).fold(1.0, f64::max)
+}
+
+fn slices_of(sheet: &SolidSheet, directions: &[Outline], lattice: &Lattice) -> Vec<Slice> {
+    use rayon::prelude::*;
+    let half_px = half_extent_px(directions);
+    (0..lattice.nodes[2])
+        .into_par_iter()
+        .map(|k| {
+            let row = (sheet.origin_row_px - lattice.z(k)).floor().max(0.0) as usize;
+            let rows: Vec<_> = directions.iter().map(|outline| outline.row(row)).collect();
+            let sections = section::sections_of_row(directions, &rows, half_px);
+            Slice { row, sections }
+        })
+        .collect()
+}
+
+/// The height over which ink along a crease is averaged, as a share of the subject's.
+const CREASE_WINDOW: f64 = 0.08;
+
+/// Per slice, the outlines of its sections and where creases cross it.
+struct SliceOutlines {
+    polygons: Vec<Vec<Point2<f64>>>,
+    creases: Vec<Point2<f64>>,
+}
+
+fn outlines_of(
+    sheet: &SolidSheet,
+    slices: &[Slice],
+    lattice: &Lattice,
+    options: &SolidOptions,
+    report: &mut SolidReport,
+) -> Vec<SliceOutlines> {
+    let sharp: Vec<Vec<Vec<bool>>> = if options.kind == SolidKind::Creased && options.creases {
+        let window_px = CREASE_WINDOW * slices.len() as f64 * lattice.pitch_px;
+        let evidence = sheet.ink_evidence();
+        crease::sharp_corners(slices, &evidence, lattice.pitch_px, window_px, options.boxy)
+    } else {
+        let all = options.kind != SolidKind::Creased;
+        let of_slice = |slice: &Slice| slice.sections.iter().map(|s| vec![all; s.len()]).collect();
+        slices.iter().map(of_slice).collect()
+    };
+    report.corners = sharp.iter().flatten().map(Vec::len).sum();
+    report.sharp_corners = sharp.iter().flatten().flatten().filter(|&&sharp| sharp).count();
+    let outlines = slices.iter().zip(&sharp).map(|(slice, sharp)| {
+        let pairs = || slice.sections.iter().zip(sharp);
+        let corners = pairs().flat_map(|(section, sharp)| section.corners.iter().zip(sharp));
+        SliceOutlines {
+            polygons: pairs().map(|(section, sharp)| rounding::rounded(section, sharp)).collect(),
+            creases: corners.filter(|(_, sharp)| **sharp).map(|(corner, _)| *corner).collect(),
+        }
+    });
+    outlines.collect()
+}
+
+fn field_of(lattice: Lattice, outlines: Vec<SliceOutlines>) -> Field {
+    use rayon::prelude::*;
+    let planes = outlines.into_par_iter().map(|outlines| {
+        let mut plane = Plane::of_polygons(&lattice, &outlines.polygons);
+        plane.creases = outlines.creases;
+        plane
+    });
+    Field { lattice, planes: planes.collect() }
+}
+
+fn fuse(field: &mut Field, slices: &[Slice], directions: &[Outline], views: &[CarvingView]) {
+    use rayon::prelude::*;
+    let lattice = field.lattice;
+    let of_slice = |(prior, slice): (&Plane, &Slice)| {
+        let sections = slice.sections.iter();
+        let polygons: Vec<_> = sections.map(|section| section.corners.clone()).collect();
+        let hull = Plane::of_polygons(&lattice, &polygons);
+        let corrections = fusion::corrections(prior, &hull, &lattice, slice.row, views);
+        (hull, corrections)
+    };
+    let (hulls, corrections): (Vec<_>, Vec<_>) =
+        field.planes.par_iter().zip(slices).map(of_slice).unzip();
+    field.planes.par_iter_mut().zip(&hulls).enumerate().for_each(|(k, (plane, hull))| {
+        let around = [k.saturating_sub(1), k, (k + 1).min(corrections.len() - 1)];
+        fusion::correct(plane, hull, around.map(|k| &corrections[k]), &lattice);
+        fusion::restore_silhouettes(plane, hull, &lattice, directions);
+    });
+}

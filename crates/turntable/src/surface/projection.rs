@@ -1,0 +1,270 @@
+//! Which drawing colours which face.
+
+use nalgebra::{Point3, Vector3};
+
+use crate::views::ViewSet;
+use frames::Azimuth;
+use mesh::Mesh;
+use mesh::shading::face_normal;
+use mesh::topology::HalfEdges;
+
+/// The drawings as a camera rig: all of one size, level, orthographic.
+#[derive(Clone, Debug)]
+pub struct Rig {
+    pub azimuths: Vec<Azimuth>,
+    pub width: u32,
+    pub height: u32,
+    pub axis_px: f64,
+    pub origin_row_px: f64,
+}
+
+/// Depths a face may lie behind the nearest one and still count as seen, px.
+const DEPTH_TOLERANCE_PX: f64 = 3.0;
+/// Visibility is decided on images this many times smaller.
+pub const VISIBILITY_SCALE: f64 = 2.0;
+/// How often faces follow most of their neighbours.
+const SEAM_ROUNDS: usize = 4;
+/// What leaving the best view costs, cosine.
+const SEAM_GAIN: f64 = 0.25;
+/// Faces steeper than this would smear lines over themselves, cosine.
+const MIN_FACING: f64 = 0.2;
+
+impl Rig {
+    /// The camera rig that `views` are drawn with.
+    pub fn of_views(views: &ViewSet) -> Self {
+        Self {
+            azimuths: views.azimuths().collect(),
+            width: views.width(),
+            height: views.height(),
+            axis_px: views.axis_px(),
+            origin_row_px: views.origin_row_px(),
+        }
+    }
+
+    /// Column, row and depth of a point in view `view`, px, sheet frame.
+    pub fn project(&self, view: usize, point: &Point3<f64>) -> Vector3<f64> {
+        self.projection(view)(point)
+    }
+
+    /// [`project`](Self::project) for many points.
+    pub fn projection(&self, view: usize) -> impl Fn(&Point3<f64>) -> Vector3<f64> {
+        let (sine, cosine) = self.azimuths[view].radians().sin_cos();
+        let (axis_px, origin_row_px) = (self.axis_px, self.origin_row_px);
+        move |point| {
+            Vector3::new(
+                point.x * cosine + point.y * sine + axis_px,
+                origin_row_px - point.z,
+                point.y * cosine - point.x * sine,
+            )
+        }
+    }
+
+    /// Texture coordinates of a point in view `view`, origin top left.
+    pub fn texture_coordinates(&self, view: usize, point: &Point3<f64>) -> [f32; 2] {
+        let pixel = self.project(view, point);
+        let u = pixel.x / f64::from(self.width.max(1));
+        let v = pixel.y / f64::from(self.height.max(1));
+        [u.clamp(0.0, 1.0) as f32, v.clamp(0.0, 1.0) as f32]
+    }
+
+    fn toward_camera(&self, view: usize) -> Vector3<f64> {
+        let (sine, cosine) = self.azimuths[view].radians().sin_cos();
+        Vector3::new(sine, -cosine, 0.0)
+    }
+}
+
+/// Per triangle, the index of the view that sees it best, or the number of
+/// views if none sees it.
+///
+/// The view that it faces most among those that see it. Faces then follow their
+/// neighbours where that costs little, so that seams are few. `mesh` is closed;
+/// the rig has at least one view.
+pub fn best_views(mesh: &Mesh, rig: &Rig) -> Vec<usize> {
+    let scores = scores(mesh, rig);
+    let best = |scores: &[f64]| {
+        let order = scores.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1).then(b.0.cmp(&a.0)));
+        order.map_or(0, |(view, _)| view)
+    };
+    let mut labels: Vec<usize> = scores.iter().map(|scores| best(scores)).collect();
+    let neighbours = neighbours(mesh);
+    for _ in 0..SEAM_ROUNDS {
+        let previous = labels.clone();
+        for (triangle, around) in neighbours.iter().enumerate() {
+            let adjusted: Vec<f64> = scores[triangle]
+                .iter()
+                .enumerate()
+                .map(|(view, score)| {
+                    let agreeing = around.iter().filter(|&&other| previous[other] == view).count();
+                    score + SEAM_GAIN * agreeing as f64
+                })
+                .collect();
+            labels[triangle] = best(&adjusted);
+        }
+    }
+    for (label, scores) in labels.iter_mut().zip(&scores) {
+        if scores.get(*label).is_none_or(|&score| score < MIN_FACING) {
+            *label = rig.azimuths.len();
+        }
+    }
+    labels
+}
+
+/// Per triangle and view, how well the view sees it: its cosine to the camera,
+/// less 2 if something hides it.
+fn scores(mesh: &Mesh, rig: &Rig) -> Vec<Vec<f64>> {
+    use rayon::prelude::*;
+    let buffers: Vec<DepthBuffer> = (0..rig.azimuths.len())
+        .into_par_iter()
+        .map(|view| DepthBuffer::of_view(mesh, rig, view, VISIBILITY_SCALE))
+        .collect();
+    (0..mesh.triangles.len())
+        .into_par_iter()
+        .map(|triangle| {
+            let normal = face_normal(mesh, triangle);
+            let [a, b, c] = mesh.corners(triangle);
+            let centre = Point3::from((a.coords + b.coords + c.coords) / 3.0);
+            (0..rig.azimuths.len())
+                .map(|view| {
+                    let facing = normal.dot(&rig.toward_camera(view));
+                    let hidden = facing > 0.0 && !buffers[view].sees(&rig.project(view, &centre));
+                    facing - if hidden { 2.0 } else { 0.0 }
+                })
+                .collect()
+        })
+        .collect()
+}
+
+fn neighbours(mesh: &Mesh) -> Vec<Vec<usize>> {
+    let edges = HalfEdges::new(mesh.positions.len(), &mesh.triangles);
+    let around = |&[a, b, c]: &[u32; 3]| {
+        let back = [(b, a), (c, b), (a, c)];
+        let found = back.iter().filter_map(|&(from, to)| edges.find(from, to));
+        found.map(|edge| edge.triangle as usize).collect()
+    };
+    mesh.triangles.iter().map(around).collect()
+}
+
+/// The nearest depth per pixel of a smaller image.
+pub struct DepthBuffer {
+    scale: f64,
+    width: usize,
+    height: usize,
+    depth: Vec<f32>,
+}
+
+impl DepthBuffer {
+    /// Draws `mesh`, a closed one, as view `view` sees it.
+    ///
+    /// * `scale`: how many times smaller than the view.
+    pub fn of_view(mesh: &Mesh, rig: &Rig, view: usize, scale: f64) -> Self {
+        let size = |px: u32| (f64::from(px) / scale).ceil() as usize;
+        let (width, height) = (size(rig.width), size(rig.height));
+        let depth = vec![f32::INFINITY; width * height];
+        let mut buffer = Self { scale, width, height, depth };
+        let project = rig.projection(view);
+        let scaled = |point: &Point3<f64>| {
+            let pixel = project(point);
+            Vector3::new(pixel.x / scale, pixel.y / scale, pixel.z)
+        };
+        let pixels: Vec<Vector3<f64>> = mesh.positions.iter().map(scaled).collect();
+        for triangle in &mesh.triangles {
+            buffer.draw(&triangle.map(|vertex| pixels[vertex as usize]));
+        }
+        buffer
+    }
+
+    fn draw(&mut self, [a, b, c]: &[Vector3<f64>; 3]) {
+        let area = (b.xy() - a.xy()).perp(&(c.xy() - a.xy()));
+        // Rows grow downward: what faces the viewer turns the other way.
+        if area > -1e-9 {
+            return;
+        }
+        let range = |values: [f64; 3], limit: usize| {
+            let low = values.into_iter().fold(f64::INFINITY, f64::min);
+            let high = values.into_iter().fold(f64::NEG_INFINITY, f64::max);
+            let first = (low - 0.5).ceil().max(0.0) as usize;
+            first..((high + 0.5).floor().max(0.0) as usize).min(limit)
+        };
+        let (ab, ac) = ((b.xy() - a.xy()) / area, (c.xy() - a.xy()) / area);
+        for y in range([a.y, b.y, c.y], self.height) {
+            for x in range([a.x, b.x, c.x], self.width) {
+                let from_a = nalgebra::Vector2::new(x as f64 + 0.5, y as f64 + 0.5) - a.xy();
+                let (to_b, to_c) = (from_a.perp(&ac), ab.perp(&from_a));
+                if to_b >= 0.0 && to_c >= 0.0 && to_b + to_c <= 1.0 {
+                    let depth = (a.z + to_b * (b.z - a.z) + to_c * (c.z - a.z)) as f32;
+                    let nearest = &mut self.depth[y * self.width + x];
+                    *nearest = nearest.min(depth);
+                }
+            }
+        }
+    }
+
+    /// The depth of the surface at a pixel of the buffer, px, if there is any.
+    pub fn nearest(&self, x: usize, y: usize) -> Option<f32> {
+        let depth = *self.depth.get(y * self.width + x)?;
+        depth.is_finite().then_some(depth)
+    }
+
+    /// Whether nothing stands before a projected point.
+    pub fn sees(&self, pixel: &Vector3<f64>) -> bool {
+        let (x, y) = (pixel.x / self.scale, pixel.y / self.scale);
+        if x < 0.0 || y < 0.0 || x >= self.width as f64 || y >= self.height as f64 {
+            return false;
+        }
+        let nearest = self.depth[y as usize * self.width + x as usize];
+        pixel.z <= f64::from(nearest) + DEPTH_TOLERANCE_PX
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rig(degrees: &[f64]) -> Rig {
+        Rig {
+            azimuths: degrees
+                .iter()
+                .map(|&degrees| Azimuth::from_degrees(degrees).unwrap())
+                .collect(),
+            width: 100,
+            height: 80,
+            axis_px: 50.0,
+            origin_row_px: 40.0,
+        }
+    }
+
+    /// A box about the axis, `half` wide and deep.
+    fn block(half: f64) -> Mesh {
+        let positions = (0..8).map(|i: u32| {
+            let sign = |bit: u32| if i >> bit & 1 == 1 { half } else { -half };
+            Point3::new(sign(0), sign(1), sign(2))
+        });
+        let quads =
+            [[0, 1, 5, 4], [1, 3, 7, 5], [3, 2, 6, 7], [2, 0, 4, 6], [4, 5, 7, 6], [0, 2, 3, 1]];
+        Mesh {
+            positions: positions.collect(),
+            triangles: quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect(),
+        }
+    }
+
+    #[test]
+    fn faces_take_the_view_they_face() {
+        let mesh = block(10.0);
+        assert!(mesh.signed_volume() > 0.0);
+        let labels = best_views(&mesh, &rig(&[0.0, 90.0, 180.0, 270.0]));
+        // Front (-Y), left (+X), back (+Y), right (-X).
+        assert_eq!(&labels[..8], [0, 0, 1, 1, 2, 2, 3, 3]);
+        // No level view sees the top and the bottom.
+        assert_eq!(&labels[8..], [4; 4]);
+    }
+
+    #[test]
+    fn the_front_hides_the_back() {
+        let mesh = block(10.0);
+        let rig = rig(&[0.0]);
+        let buffer = DepthBuffer::of_view(&mesh, &rig, 0, VISIBILITY_SCALE);
+        assert!(buffer.sees(&rig.project(0, &Point3::new(1.0, -10.0, 3.0))));
+        assert!(!buffer.sees(&rig.project(0, &Point3::new(1.0, 10.0, 3.0))));
+        assert_eq!(rig.texture_coordinates(0, &Point3::new(25.0, 0.0, 20.0)), [0.75, 0.25]);
+    }
+}

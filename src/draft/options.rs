@@ -1,0 +1,227 @@
+//! Every option of a reconstruction: type, range, unit, default and meaning.
+//!
+//! The types below and those of the methods' crates are the one source: the
+//! JSON Schema made from them is what `/v1/options` serves, what uploads are
+//! checked against and what the command line accepts.
+
+use std::sync::LazyLock;
+
+use evaluation::EvaluationOptions;
+use frames::ExportOptions;
+use options::{OptionProblem, OptionProblems, OptionSet, Schema};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use turntable::options::TurntableOptions;
+use uncalibrated::options::{
+    CloudOptions, DetectionOptions, DisparityOptions, EpipolarOptions, MatchingOptions,
+    MergeOptions,
+};
+
+/// How a sheet becomes a 3D draft.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Method {
+    /// Epipolar geometry estimated from the drawings (Arys 2020); at least
+    /// three views of one size.
+    Uncalibrated,
+    /// Depth from matched lines and a solid from silhouettes, at the angles
+    /// given; at least two level views of one size.
+    #[default]
+    Turntable,
+}
+
+/// The options of one reconstruction, nested by stage.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Options {
+    /// How the sheet becomes a 3D draft.
+    pub method: Method,
+    /// Seed of every random choice.
+    #[schemars(range(min = 0, max = 4_294_967_295_u32))]
+    pub seed: u32,
+    /// Neighbouring views farther apart than this, in degrees, are not paired.
+    #[schemars(range(min = 0.1, max = 180.0))]
+    pub max_pair_angle_deg: f64,
+    pub detection: DetectionOptions,
+    pub matching: MatchingOptions,
+    pub epipolar: EpipolarOptions,
+    pub disparity: DisparityOptions,
+    pub cloud: CloudOptions,
+    pub merge: MergeOptions,
+    pub turntable: TurntableOptions,
+    pub export: ExportOptions,
+    pub evaluation: EvaluationOptions,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            method: Method::default(),
+            seed: 0,
+            max_pair_angle_deg: 30.0,
+            detection: DetectionOptions::default(),
+            matching: MatchingOptions::default(),
+            epipolar: EpipolarOptions::default(),
+            disparity: DisparityOptions::default(),
+            cloud: CloudOptions::default(),
+            merge: MergeOptions::default(),
+            turntable: TurntableOptions::default(),
+            export: ExportOptions::default(),
+            evaluation: EvaluationOptions::default(),
+        }
+    }
+}
+
+impl Method {
+    /// The fewest views the method works from.
+    pub fn minimum_views(self) -> usize {
+        match self {
+            Self::Uncalibrated => uncalibrated::MINIMUM_VIEWS,
+            Self::Turntable => turntable::views::MINIMUM_VIEWS,
+        }
+    }
+
+    /// Whether every view must have the same width and height.
+    pub fn needs_equal_sizes(self) -> bool {
+        match self {
+            Self::Uncalibrated | Self::Turntable => true,
+        }
+    }
+}
+
+impl Options {
+    /// Those of the method `uncalibrated`.
+    pub fn uncalibrated(&self) -> uncalibrated::Options {
+        uncalibrated::Options {
+            seed: self.seed,
+            max_pair_angle_deg: self.max_pair_angle_deg,
+            detection: self.detection.clone(),
+            matching: self.matching.clone(),
+            epipolar: self.epipolar.clone(),
+            disparity: self.disparity.clone(),
+            cloud: self.cloud.clone(),
+            merge: self.merge.clone(),
+        }
+    }
+
+    /// About how much memory `views` of one size take, bytes.
+    pub fn working_bytes(
+        &self,
+        views: usize,
+        (width_px, height_px): (u32, u32),
+        threads: usize,
+    ) -> u64 {
+        match self.method {
+            Method::Turntable => {
+                let pixels = u64::from(width_px) * u64::from(height_px) * views as u64;
+                pixels.saturating_mul(turntable::WORKING_BYTES_PER_PIXEL)
+            }
+            Method::Uncalibrated => {
+                let options = self.uncalibrated();
+                uncalibrated::working_bytes(views, width_px, height_px, &options, threads)
+            }
+        }
+    }
+}
+
+/// The schema of a reconstruction's options.
+pub fn schema() -> &'static Value {
+    &Options::schema().document
+}
+
+/// Reads the options of a reconstruction from JSON; what is not given has its default.
+///
+/// # Errors
+/// As [`options::parse_set`].
+pub fn parse(value: &Value) -> Result<Options, OptionProblems> {
+    options::parse_set(value)
+}
+
+impl OptionSet for Options {
+    const LISTED_AT: &'static str = "/v1/options";
+
+    fn schema() -> &'static Schema {
+        static SCHEMA: LazyLock<Schema> = LazyLock::new(Schema::of::<Options>);
+        &SCHEMA
+    }
+
+    fn conflicts(&self) -> Vec<OptionProblem> {
+        self.uncalibrated().conflicts()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use options::{OptionProblemKind, merge, nested};
+    use uncalibrated::options::SgbmMode;
+
+    use super::*;
+    use serde_json::json;
+
+    fn problems(value: Value) -> Vec<OptionProblem> {
+        parse(&value).unwrap_err().0
+    }
+
+    #[test]
+    fn nothing_given_is_the_defaults() {
+        assert_eq!(parse(&json!({})).unwrap(), Options::default());
+    }
+
+    #[test]
+    fn the_schema_accepts_the_defaults_it_states() {
+        let all = serde_json::to_value(Options::default()).unwrap();
+        assert_eq!(parse(&all).unwrap(), Options::default());
+    }
+
+    #[test]
+    fn names_an_unknown_option() {
+        let found = problems(json!({"disparity": {"blocksize": 5}}));
+        assert_eq!(found[0].option, "disparity.blocksize");
+        assert_eq!(found[0].kind, OptionProblemKind::Unknown);
+    }
+
+    #[test]
+    fn says_the_range_of_a_value_outside_it() {
+        let found = problems(json!({"epipolar": {"confidence": 1.5}}));
+        assert_eq!(found[0].option, "epipolar.confidence");
+        assert_eq!(found[0].kind, OptionProblemKind::Invalid);
+        assert_eq!(found[0].detail, "1.5 is out of range; give 0.5 to 0.999999");
+    }
+
+    #[test]
+    fn refuses_even_blocks_and_odd_disparity_counts() {
+        assert_eq!(
+            problems(json!({"disparity": {"block_size": 8}}))[0].option,
+            "disparity.block_size"
+        );
+        assert_eq!(
+            problems(json!({"disparity": {"num_disparities": 40}}))[0].option,
+            "disparity.num_disparities"
+        );
+    }
+
+    #[test]
+    fn refuses_combinations_that_cannot_work() {
+        assert_eq!(
+            problems(json!({"detection": {"detector": "sift"}}))[0].option,
+            "detection.descriptor"
+        );
+        assert_eq!(problems(json!({"disparity": {"p1": 6000}}))[0].option, "disparity.p2");
+    }
+
+    #[test]
+    fn dotted_fields_nest_and_lie_over_each_other() {
+        let mut options = json!({});
+        merge(&mut options, nested("disparity.block_size", "15"));
+        merge(&mut options, nested("disparity.mode", "eight_path"));
+        merge(&mut options, nested("method", "uncalibrated"));
+        let options = parse(&options).unwrap();
+        assert_eq!(options.disparity.block_size, 15);
+        assert_eq!(options.disparity.mode, SgbmMode::EightPath);
+    }
+}
+
+#[cfg(test)]
+#[path = "options_tests.rs"]
+mod schema_tests;

@@ -1,5 +1,0 @@
-//! Shapes that several stages share.
-
-mod mesh;
-
-pub use mesh::Mesh;

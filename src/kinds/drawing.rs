@@ -1,0 +1,62 @@
+//! Jobs that draw a sheet.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use drawing::DrawOptions;
+use frames::UpAxis;
+use mesh::builtin::ProceduralModel;
+use mesh::read::{self, Limits, Model, ModelError, ModelFormat};
+
+/// The kind of jobs that draw a sheet.
+pub const DRAWING: &str = "drawing";
+
+/// What a drawing job needs apart from its stored model.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DrawPayload {
+    pub model: ModelSource,
+    /// Ascending, each once.
+    pub azimuths_deg: Vec<f64>,
+    pub options: DrawOptions,
+}
+
+/// Where a drawing's model comes from.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ModelSource {
+    Builtin(ProceduralModel),
+    File(ModelFile),
+}
+
+/// An uploaded model.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ModelFile {
+    /// As the client calls it.
+    pub name: String,
+    pub format: ModelFormat,
+    /// Overrides the format's own.
+    pub up_axis: Option<UpAxis>,
+}
+
+impl ModelFile {
+    /// The name of the job's input that holds it.
+    pub fn input(&self) -> &'static str {
+        match self.format {
+            ModelFormat::Glb => "model.glb",
+            ModelFormat::Gltf => "model.gltf",
+            ModelFormat::Obj => "model.obj",
+            ModelFormat::Ply => "model.ply",
+            ModelFormat::Stl => "model.stl",
+        }
+    }
+
+    /// Reads the model from the file's bytes.
+    ///
+    /// # Errors
+    /// [`ModelError`], which says what is wrong with the bytes.
+    pub fn load(&self, bytes: &[u8], limits: &Limits) -> Result<Model, ModelError> {
+        read::load(bytes, self.format, self.up_axis, limits)
+    }
+}

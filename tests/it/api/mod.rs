@@ -1,0 +1,11 @@
+//! The service from outside: what clients send and get, one file a matter.
+
+mod artifacts;
+pub(crate) mod harness;
+mod matches;
+mod resources;
+mod service;
+mod sheet_problems;
+mod sheets;
+mod truth;
+mod upload_problems;

@@ -1,0 +1,8 @@
+//! The service and its parts from outside, in one program.
+
+mod api;
+mod documents;
+mod layers;
+mod model_regressions;
+mod service_crash;
+mod worker;
