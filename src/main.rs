@@ -1,3 +1,5 @@
+//! The program `turnaround`: the service and its command line.
+
 use std::process::ExitCode;
 
 fn main() -> ExitCode {

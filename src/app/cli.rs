@@ -1,3 +1,5 @@
+//! The command line: its commands and what runs them.
+
 use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use super::config::{Config, ConfigArgs};

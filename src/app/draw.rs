@@ -1,3 +1,5 @@
+//! The command `draw`: a model sheet with its truth, to a folder.
+
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;

@@ -1,3 +1,5 @@
+//! Why a command ended without its result.
+
 use std::process::ExitCode;
 
 /// Why a command ended without its result.

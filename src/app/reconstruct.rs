@@ -1,3 +1,5 @@
+//! The command `reconstruct`: local drawings to artifacts in a folder.
+
 use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};

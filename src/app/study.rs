@@ -1,3 +1,5 @@
+//! The command `study`: the dissertation's tables and figures on a folder of sheets.
+
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Instant;

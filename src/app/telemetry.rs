@@ -1,3 +1,5 @@
+//! Where log lines go.
+
 use std::io::{self, IsTerminal};
 
 use anyhow::{Context, Result};

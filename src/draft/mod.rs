@@ -32,11 +32,15 @@ pub use truth::true_model;
 /// What came out, in a few numbers; the metrics artifact has the rest.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
+    /// Views of the sheet.
     pub views: usize,
+    /// Neighbouring views that were worked on; 0 for a method without pairs.
     pub pairs: usize,
+    /// How many of them gave disparity; 0 for a method without pairs.
     pub usable_pairs: usize,
     /// Names of all artifacts, in the order they were emitted.
     pub artifacts: Vec<String>,
+    /// What a person should look at, in sentences.
     pub warnings: Vec<String>,
 }
 

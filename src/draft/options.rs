@@ -34,6 +34,7 @@ pub enum Method {
 /// The options of one reconstruction, nested by stage.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
+#[expect(missing_docs, reason = "the schema describes it")]
 pub struct Options {
     /// How the sheet becomes a 3D draft.
     pub method: Method,

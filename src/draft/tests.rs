@@ -1,3 +1,5 @@
+//! Tests of whole drafts by the method `uncalibrated`.
+
 use std::collections::BTreeMap;
 use std::io::{Cursor, Read, Write};
 use std::sync::atomic::{AtomicUsize, Ordering};

@@ -1,3 +1,5 @@
+//! Tests of whole drafts by the method `turntable`.
+
 use std::collections::{BTreeMap, BTreeSet};
 
 use image::{GrayImage, Luma};

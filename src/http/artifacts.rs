@@ -1,3 +1,5 @@
+//! Lists a job's artifacts and serves their bytes, whole or by range.
+
 use std::ops::Range;
 
 use axum::body::Body;

@@ -1,3 +1,5 @@
+//! A job's events as server-sent events.
+
 use std::convert::Infallible;
 use std::sync::Arc;
 use std::time::Duration;

@@ -1,3 +1,5 @@
+//! Whether the service lives and can take work.
+
 use std::sync::Arc;
 use std::time::Duration;
 

@@ -1,3 +1,5 @@
+//! What every request goes through: its id, log line, metrics, CORS and error body.
+
 use axum::Router;
 use axum::extract::Request;
 use axum::http::{HeaderName, HeaderValue, Method, header};

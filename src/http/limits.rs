@@ -1,3 +1,5 @@
+//! What one client may ask of the service, and how long it is waited for.
+
 use std::time::Duration;
 
 use drawing::SheetLimits;

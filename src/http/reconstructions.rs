@@ -1,3 +1,5 @@
+//! The resource `/v1/reconstructions`.
+
 use std::sync::Arc;
 
 use axum::extract::rejection::QueryRejection;

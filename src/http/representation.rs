@@ -16,6 +16,7 @@ use sheet::{SheetDocument, ViewDocument};
 
 /// A sheet on its way to a 3D draft.
 #[derive(Debug, Serialize, ToSchema)]
+#[expect(missing_docs, reason = "the schema describes it")]
 pub struct Reconstruction {
     pub id: Uuid,
     /// The sheet's own name, where its document has one.

@@ -1,3 +1,5 @@
+//! The routes of the service, with their time limits.
+
 use std::sync::Arc;
 use std::time::Duration;
 

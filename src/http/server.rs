@@ -1,3 +1,5 @@
+//! Accepts connections until the shutdown.
+
 use std::time::Duration;
 
 use axum::Router;

@@ -1,3 +1,5 @@
+//! The resource `/v1/sheets`.
+
 use std::sync::Arc;
 
 use axum::extract::rejection::QueryRejection;

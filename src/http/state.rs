@@ -1,3 +1,5 @@
+//! What the handlers share.
+
 use std::sync::Arc;
 
 use metrics_exporter_prometheus::PrometheusHandle;
@@ -11,7 +13,9 @@ use jobs::bytes::ByteStore;
 /// What the handlers work with.
 #[derive(Clone)]
 pub struct ApiState {
+    /// The job queue.
     pub store: Arc<dyn JobStore>,
+    /// Where inputs and artifacts are stored.
     pub bytes: ByteStore,
     /// Renders `/metrics`.
     pub metrics: PrometheusHandle,

@@ -15,9 +15,11 @@ pub const DRAWING: &str = "drawing";
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DrawPayload {
+    /// What to draw.
     pub model: ModelSource,
     /// Ascending, each once.
     pub azimuths_deg: Vec<f64>,
+    /// How to draw it.
     pub options: DrawOptions,
 }
 
@@ -25,13 +27,16 @@ pub struct DrawPayload {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ModelSource {
+    /// One that the program makes by itself.
     Builtin(ProceduralModel),
+    /// One that the client uploaded.
     File(ModelFile),
 }
 
 /// An uploaded model.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[expect(missing_docs, reason = "the schema describes it")]
 pub struct ModelFile {
     /// As the client calls it.
     pub name: String,

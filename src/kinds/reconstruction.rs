@@ -13,6 +13,7 @@ pub const RECONSTRUCTION: &str = "reconstruction";
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ReconstructionPayload {
+    /// The sheet: its views, options and truth.
     pub document: SheetDocument,
     /// The earlier job whose inputs were taken over.
     #[serde(default, skip_serializing_if = "Option::is_none")]

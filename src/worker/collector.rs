@@ -14,8 +14,10 @@ use jobs::{Job, JobId, JobState, JobStore, StoreError};
 /// Why bytes could not be collected.
 #[derive(Debug, thiserror::Error)]
 pub enum CollectError {
+    /// The job store failed.
     #[error(transparent)]
     Store(#[from] StoreError),
+    /// The byte store failed.
     #[error(transparent)]
     Bytes(#[from] ByteError),
 }

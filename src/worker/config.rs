@@ -1,3 +1,5 @@
+//! How a worker pool works: threads, leases, intervals.
+
 use std::time::Duration;
 
 /// How a worker pool works.

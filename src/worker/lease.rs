@@ -1,3 +1,5 @@
+//! Keeps the leases of running attempts.
+
 use std::collections::HashMap;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard};
 use std::time::{Duration, Instant};

@@ -1,3 +1,5 @@
+//! The threads that claim and run jobs.
+
 use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard};

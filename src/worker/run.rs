@@ -1,3 +1,5 @@
+//! One attempt at a claimed job, from its claim to its ending.
+
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;

@@ -1,3 +1,5 @@
+//! Tells a running attempt to stop, and why.
+
 use std::sync::atomic::{AtomicU8, Ordering};
 
 /// Why an attempt should stop, the weakest first.

@@ -1,3 +1,5 @@
+//! Stores an attempt's artifacts while its work goes on.
+
 use std::collections::HashSet;
 use std::io::{self, Write};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};

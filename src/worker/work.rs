@@ -1,3 +1,5 @@
+//! What a kind of job must do, and what an attempt can read and write.
+
 use std::io;
 use std::sync::Mutex;
 
@@ -49,6 +51,7 @@ pub struct Attempt<'a> {
 }
 
 impl Attempt<'_> {
+    /// The job as it was claimed.
     pub fn job(&self) -> &Job {
         self.job
     }

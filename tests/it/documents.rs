@@ -125,7 +125,9 @@ async fn problems() {
 fn failure_codes() {
     let told: Vec<_> = FailureCode::ALL
         .iter()
-        .map(|code| json!({"code": code.name(), "meaning": code.meaning(), "remedy": code.remedy()}))
+        .map(
+            |code| json!({"code": code.name(), "meaning": code.meaning(), "remedy": code.remedy()}),
+        )
         .collect();
     insta::assert_json_snapshot!(told);
 }

@@ -31,6 +31,7 @@ pub enum ViewArtifact {
 pub enum PairArtifact {
     /// Both drawings side by side with their matches.
     MatchesPng,
+    /// The same matches as JSON in the sheet frame, px; a sheet may bring it back, corrected.
     MatchesJson,
     /// The rectified drawings side by side with epipolar lines.
     RectifiedPng,
@@ -39,9 +40,13 @@ pub enum PairArtifact {
 /// The name of everything a reconstruction can leave behind.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ArtifactName {
+    /// A file of the view at this azimuth.
     View(Azimuth, ViewArtifact),
+    /// A file of two neighbouring views, the left one first.
     Pair(Azimuth, Azimuth, PairArtifact),
+    /// The merged point cloud of the method `uncalibrated`, PLY.
     Cloud,
+    /// The convex hull of that cloud, GLB.
     Hull,
     /// The turntable method's surface; vertex colours say what it rests on.
     Solid,
@@ -49,9 +54,13 @@ pub enum ArtifactName {
     SolidObj,
     /// The same with the drawings projected on it.
     Textured,
+    /// A shaded picture of the mesh from three sides.
     Thumbnail,
+    /// How well each step went, JSON.
     Metrics,
+    /// How long each step took, JSON; it differs from run to run.
     Timings,
+    /// All other files but the timings, in one zip archive.
     Bundle,
 }
 
@@ -118,12 +127,14 @@ impl fmt::Display for ArtifactName {
 pub struct Artifact {
     /// Path below the job's artifacts.
     pub name: String,
+    /// Media type of the bytes, such as `image/png`.
     pub media_type: &'static str,
     /// Shared: a clone is cheap.
     pub bytes: Bytes,
 }
 
 impl Artifact {
+    /// A finished file with the name and media type that `name` stands for.
     pub fn new(name: ArtifactName, bytes: impl Into<Bytes>) -> Self {
         Self { name: name.to_string(), media_type: name.media_type(), bytes: bytes.into() }
     }

@@ -14,6 +14,7 @@ pub struct Bundle<W: Write> {
 }
 
 impl<W: Write> Bundle<W> {
+    /// An empty archive that is written to `inner`.
     pub fn new(inner: W) -> Self {
         Self { writer: ZipWriter::new_stream(inner) }
     }

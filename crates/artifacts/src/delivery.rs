@@ -23,6 +23,7 @@ pub struct Delivery<'scope> {
 }
 
 impl<'scope> Delivery<'scope> {
+    /// Starts a thread in `scope` that stores what is sent in `sink`.
     pub fn start(scope: &'scope Scope<'scope, '_>, sink: &'scope mut dyn ArtifactSink) -> Self {
         let (post, waiting) = sync_channel(WAITING);
         Self { post, thread: scope.spawn(move || deliver(waiting, sink)) }

@@ -1,3 +1,5 @@
+//! A bounding volume tree that finds the triangles over a place of a view.
+
 use nalgebra::Point3;
 
 /// A bounding box in the view frame; of z only the nearest is of interest.

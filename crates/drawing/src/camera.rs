@@ -1,3 +1,5 @@
+//! The orthographic camera of a view on the turntable.
+
 use nalgebra::{Matrix3, Point3, Vector3};
 
 use super::DrawOptions;
@@ -12,6 +14,7 @@ pub struct Camera {
     /// Rotation and scale: view = `view_from_model` · model + (centre, 0).
     view_from_model: Matrix3<f64>,
     centre_px: [f64; 2],
+    /// Pixels of the drawing a unit of the model.
     pub pixels_per_unit: f64,
     /// From the camera plane to the origin along the view direction, scene units.
     pub distance_units: f64,
@@ -64,6 +67,7 @@ impl Camera {
         }
     }
 
+    /// Takes a point of the model frame to the view frame, px.
     pub fn view_from_model(&self, p: Point3<f64>) -> Point3<f64> {
         let v = self.view_from_model * p.coords;
         Point3::new(v.x + self.centre_px[0], v.y + self.centre_px[1], v.z)

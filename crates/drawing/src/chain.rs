@@ -1,3 +1,5 @@
+//! Visible pieces of lines joined to strokes.
+
 use std::collections::BTreeMap;
 
 use nalgebra::{Point2, Vector2};
@@ -7,13 +9,16 @@ use super::features::{LineKind, Node};
 /// A line of the drawing: a polyline in pixels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stroke {
+    /// Which feature of the model the line draws.
     pub kind: LineKind,
+    /// The polyline's corners in order, px, in the drawing's frame: x right, y down.
     pub points: Vec<Point2<f64>>,
     /// Width at each point in pixels; empty for the drawing's line width.
     pub widths_px: Vec<f64>,
 }
 
 impl Stroke {
+    /// Length along the polyline, px.
     pub fn length_px(&self) -> f64 {
         self.points.windows(2).map(|w| (w[1] - w[0]).norm()).sum()
     }

@@ -1,3 +1,5 @@
+//! Makes drawings imperfect as by hand: wobble, gaps, pencil, paper, misplaced views.
+
 use image::GrayImage;
 use rand::Rng;
 use rand::seq::index;
@@ -12,17 +14,29 @@ use frames::Azimuth;
 /// All imperfections of a sheet; see [`DegradeOptions`](super::DegradeOptions) for their units.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Degradation {
+    /// Root mean square deviation of lines, px.
     pub wobble_rms_px: f64,
+    /// Length of a wave of the lines' wobble, px.
     pub wobble_wavelength_px: f64,
+    /// Share of the lines' length that is missing in gaps, 0 to 1.
     pub gap_share: f64,
+    /// Smallest line width, px.
     pub width_min_px: f64,
+    /// Largest line width, px.
     pub width_max_px: f64,
+    /// Lightness of the lines: 0 is black ink, 0.6 a hard pencil.
     pub pencil_lightness: f64,
+    /// Standard deviation of the paper's texture, share of the grey range.
     pub paper_texture: f64,
+    /// Largest error of a view's scale, as a share of it.
     pub scale_error: f64,
+    /// Largest shift of a view along either axis, px.
     pub shift_px: f64,
+    /// Largest error of a view's azimuth, degrees.
     pub azimuth_error_deg: f64,
+    /// Share of the strokes inside the outline that are left out, 0 to 1.
     pub missing_interior: f64,
+    /// Quality of the JPEG compression that the drawing goes through, 1 to 100; 0 for none.
     pub jpeg_quality: u8,
 }
 
@@ -31,7 +45,9 @@ pub struct Degradation {
 pub struct ViewError {
     /// Factor on the view's scale.
     pub scale: f64,
+    /// How far the drawing is moved right and down, px.
     pub shift_px: [f64; 2],
+    /// Degrees that the camera stood ahead of the azimuth that the sheet states.
     pub azimuth_error_deg: f64,
 }
 

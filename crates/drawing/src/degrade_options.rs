@@ -1,3 +1,5 @@
+//! The options of imperfect drawings, and their presets.
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -52,6 +54,7 @@ pub struct DegradeOptions {
 /// How imperfect drawings are: middle, half of that, or double.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
+#[expect(missing_docs, reason = "the schema describes it")]
 pub enum DegradePreset {
     Light,
     Middle,
@@ -59,6 +62,7 @@ pub enum DegradePreset {
 }
 
 impl DegradeOptions {
+    /// All values as `preset` has them, random from `seed`.
     pub fn preset(preset: DegradePreset, seed: u64) -> Self {
         Self { preset: Some(preset), seed, ..Self::default() }
     }

@@ -1,3 +1,5 @@
+//! Tests of imperfect drawings: each value does what it says, and only that.
+
 use nalgebra::Point2;
 
 use super::*;

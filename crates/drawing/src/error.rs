@@ -1,38 +1,86 @@
+//! Why a model cannot be drawn as asked.
+
 use options::OptionProblems;
 use progress::Cancelled;
 
 /// Why a model cannot be drawn as asked.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum DrawError {
+    /// No triangle of the model has an area.
     #[error("the model has no triangle with an area")]
     NoTriangles,
+    /// A triangle refers to a vertex that is missing or not finite.
     #[error("triangle {triangle} has an index out of range or a coordinate that is not finite")]
-    InvalidModel { triangle: usize },
+    InvalidModel {
+        /// Index of the triangle.
+        triangle: usize,
+    },
+    /// Options that are unknown, out of range or contradict each other.
     #[error(transparent)]
     Options(#[from] OptionProblems),
+    /// A view is too large for its supersampling.
     #[error("size and supersampling ask for {found} samples a view; at most {limit} are computed")]
-    TooManySamples { found: u64, limit: u64 },
+    TooManySamples {
+        /// Samples of one view: its pixels times supersampling squared.
+        found: u64,
+        /// The most that are computed.
+        limit: u64,
+    },
+    /// The sheet is too large as a whole.
     #[error("the views have {found} pixels together; at most {limit} are drawn")]
-    TooManyPixels { found: u64, limit: u64 },
+    TooManyPixels {
+        /// Pixels of all views together.
+        found: u64,
+        /// The most that are drawn.
+        limit: u64,
+    },
+    /// The model reaches the camera plane, so part of it may be behind the camera.
     #[error(
         "the model reaches {radius} units from the turntable axis, beyond the camera at \
          {distance}; scale it, move the camera back, or let it be fitted"
     )]
-    CameraInsideModel { radius: f64, distance: f64 },
+    CameraInsideModel {
+        /// Largest distance of the model from the origin, scene units.
+        radius: f64,
+        /// From the camera plane to the origin, scene units.
+        distance: f64,
+    },
+    /// Too many layers of triangles cover each other in one view.
     #[error(
         "the model's triangles hide each other too often: over {limit} comparisons in one view"
     )]
-    TooComplex { limit: u64 },
+    TooComplex {
+        /// The most that one view may visit: triangles under lines, or samples.
+        limit: u64,
+    },
+    /// No azimuth is given.
     #[error("a sheet needs at least one view")]
     NoViews,
+    /// More azimuths are given than a sheet may have.
     #[error("{found} views are asked for; at most {limit} are drawn")]
-    TooManyViews { found: usize, limit: usize },
+    TooManyViews {
+        /// Views asked for.
+        found: usize,
+        /// The most that are drawn.
+        limit: usize,
+    },
+    /// Two views have one azimuth.
     #[error("the view at {azimuth_deg} degrees is asked for twice")]
-    DuplicateView { azimuth_deg: f64 },
+    DuplicateView {
+        /// Their azimuth, degrees.
+        azimuth_deg: f64,
+    },
+    /// Somebody asked to stop.
     #[error("the drawing was cancelled")]
     Cancelled(#[from] Cancelled),
+    /// A file of the sheet could not be encoded.
     #[error("{name} could not be encoded: {reason}")]
-    Encoding { name: String, reason: String },
+    Encoding {
+        /// Name of the file.
+        name: String,
+        /// The encoder's own message.
+        reason: String,
+    },
 }
 
 impl DrawError {

@@ -1,3 +1,5 @@
+//! Which lines a view has: contours, borders, creases, material boundaries.
+
 use nalgebra::{Point2, Point3, Vector2, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -21,7 +21,9 @@ pub enum ArtifactKind {
     DepthFloat(Azimuth),
     /// The dissertation's depth: inverted, normalised to 8 bits.
     InverseDepth(Azimuth),
+    /// Where the model is: 255 on it, 0 on the background.
     Mask(Azimuth),
+    /// Unit normals of the visible surface, as RGB.
     Normals(Azimuth),
     /// Disparity of the first view towards the second, pixels.
     Disparity(Azimuth, Azimuth),
@@ -36,6 +38,7 @@ pub enum ArtifactKind {
 }
 
 impl ArtifactKind {
+    /// Its file name in the sheet's folder, such as `view_045.png`.
     pub fn name(self) -> String {
         match self {
             Self::View(azimuth) => format!("view_{}.png", azimuth.padded()),

@@ -1,3 +1,5 @@
+//! Strokes as anti-aliased ink.
+
 use image::GrayImage;
 use tiny_skia::{FillRule, LineCap, LineJoin, Mask, Path, PathBuilder, Transform};
 

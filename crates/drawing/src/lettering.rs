@@ -1,3 +1,5 @@
+//! Digits and signs as pen strokes, for the angles on the page.
+
 use nalgebra::{Point2, Vector2};
 
 use super::{LineKind, Stroke};

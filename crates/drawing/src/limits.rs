@@ -1,9 +1,12 @@
+//! How large a sheet may be.
+
 use super::{DrawError, DrawOptions};
 use frames::Azimuth;
 
 /// How large a sheet may be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SheetLimits {
+    /// Views of one sheet.
     pub max_views: usize,
     /// Pixels of all views together.
     pub max_pixels: u64,

@@ -1,3 +1,5 @@
+//! The model as it was drawn, written as Wavefront OBJ.
+
 use std::fmt::Write as _;
 
 use super::PreparedModel;

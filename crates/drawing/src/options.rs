@@ -1,3 +1,5 @@
+//! How a model is drawn: size, scale, lines, background.
+
 use std::sync::LazyLock;
 
 use schemars::JsonSchema;
@@ -61,6 +63,7 @@ pub enum ContourStyle {
 /// What is behind the lines.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
+#[expect(missing_docs, reason = "the schema describes it")]
 pub enum Background {
     #[default]
     White,
@@ -87,6 +90,7 @@ impl Default for DrawOptions {
 }
 
 impl DrawOptions {
+    /// Pixels of the drawing a unit of the model.
     pub fn pixels_per_unit(&self) -> f64 {
         f64::from(self.width_px) / self.scale
     }

@@ -1,3 +1,5 @@
+//! The page that shows all views of a sheet with their angles.
+
 use image::{GrayImage, Luma, imageops};
 use nalgebra::Point2;
 

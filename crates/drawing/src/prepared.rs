@@ -1,3 +1,5 @@
+//! A model's edges and normals, found once for all views.
+
 use std::borrow::Cow;
 
 use nalgebra::{Point3, Vector3};

@@ -1,3 +1,5 @@
+//! The nearest surface at each sample of a view: a depth buffer.
+
 use nalgebra::Point3;
 
 use super::DrawError;

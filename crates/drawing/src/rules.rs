@@ -1,3 +1,5 @@
+//! Which edges are creases or boundaries, whatever the view.
+
 use nalgebra::Vector3;
 
 use super::features::LineKind;

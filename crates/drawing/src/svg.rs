@@ -1,3 +1,5 @@
+//! Strokes as SVG.
+
 use std::fmt::Write as _;
 
 use nalgebra::Point2;

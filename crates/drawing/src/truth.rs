@@ -1,3 +1,5 @@
+//! Depth, mask and normals of a view, pixel by pixel.
+
 use image::{GrayImage, Luma, Rgb, RgbImage};
 use nalgebra::Vector3;
 

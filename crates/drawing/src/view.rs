@@ -1,3 +1,5 @@
+//! Draws one view: its lines, its picture and its ground truth.
+
 use std::io::Cursor;
 
 use image::codecs::jpeg::JpegEncoder;
@@ -18,11 +20,13 @@ use frames::Azimuth;
 /// One view of a model, with what is true of it.
 #[derive(Clone, Debug)]
 pub struct DrawnView {
+    /// The angle at which the sheet states the view.
     pub azimuth: Azimuth,
     /// The camera of the ground truth: the view as the sheet states it.
     pub camera: Camera,
     /// The drawing: grey on white, or black with an alpha channel.
     pub image: DynamicImage,
+    /// The drawing's lines as vectors, px.
     pub strokes: Vec<Stroke>,
     /// Of the exact view, also where the drawing is degraded.
     pub truth: GroundTruth,

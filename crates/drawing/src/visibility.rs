@@ -1,3 +1,5 @@
+//! Hidden line removal.
+
 use std::cell::Cell;
 
 use nalgebra::{Point2, Point3};

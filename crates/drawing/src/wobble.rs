@@ -1,3 +1,5 @@
+//! Smooth noise along a line, for lines drawn by hand.
+
 use std::f64::consts::TAU;
 
 use rand::Rng;

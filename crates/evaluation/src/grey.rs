@@ -1,3 +1,5 @@
+//! Bad 2.0 counted in 8-bit grey levels, as the dissertation lists it.
+
 use serde::Serialize;
 
 use super::statistics::{best_constant_bad_share, range, share};

@@ -1,3 +1,5 @@
+//! Which cells of a grid a mesh has inside.
+
 use nalgebra::Point3;
 use rayon::prelude::*;
 

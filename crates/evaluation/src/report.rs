@@ -1,3 +1,5 @@
+//! Everything measured against a sheet's truth, with means over the views.
+
 use nalgebra::Point3;
 use serde::Serialize;
 
@@ -23,10 +25,13 @@ pub struct TruthReport {
 /// One view's maps against its truth.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ViewTruthReport {
+    /// The view's azimuth, degrees in [0, 360).
     pub azimuth_deg: f64,
     /// What the picture of true values holds, and how.
     pub kind: TruthKind,
+    /// The format of the picture of true values.
     pub encoding: TruthEncoding,
+    /// What the maps score against it.
     #[serde(flatten)]
     pub comparison: ViewComparison,
 }
@@ -46,9 +51,13 @@ pub struct ViewComparison {
 /// Means over views; each over those that have the figure.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct MeanReport {
+    /// Of the disparity maps.
     pub disparity: MeanFigures,
+    /// Of the depth maps.
     pub depth: MeanFigures,
+    /// Intersection over union with the true silhouettes; absent without any.
     pub silhouette_iou: Option<f64>,
+    /// Distance between the outer boundaries, px; absent without any.
     pub silhouette_boundary_distance_px: Option<f64>,
 }
 
@@ -70,11 +79,17 @@ pub struct MeanFigures {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum ModelReport {
+    /// Both meshes were usable.
     Compared(SolidComparison),
-    Failed { failure: String },
+    /// One of them was not.
+    Failed {
+        /// Why, for people.
+        failure: String,
+    },
 }
 
 impl TruthReport {
+    /// The report of `views` and `model`, with the means over the views.
     pub fn new(views: Vec<ViewTruthReport>, model: Option<ModelReport>) -> Self {
         let comparisons: Vec<_> = views.iter().map(|view| &view.comparison).collect();
         Self { mean: MeanReport::of(&comparisons), views, model }

@@ -1,3 +1,5 @@
+//! A silhouette against the true one: overlap, boundary distance, holes.
+
 use image::GrayImage;
 use imageproc::distance_transform::euclidean_squared_distance_transform;
 use serde::Serialize;
@@ -13,6 +15,7 @@ pub struct SilhouetteReport {
     /// Mean distance between the outer boundaries, there and back, px. Absent
     /// when either silhouette is empty.
     pub mean_boundary_distance_px: Option<f64>,
+    /// How the holes through the subject agree.
     pub holes: HoleReport,
 }
 
@@ -30,8 +33,18 @@ pub struct HoleReport {
 /// Why silhouettes cannot be compared.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SilhouetteError {
+    /// The two masks are not of one size.
     #[error("the true silhouette is {truth_width}x{truth_height}, ours {width}x{height}")]
-    SizeMismatch { width: u32, height: u32, truth_width: u32, truth_height: u32 },
+    SizeMismatch {
+        /// Of ours, px.
+        width: u32,
+        /// Of ours, px.
+        height: u32,
+        /// Of the true one, px.
+        truth_width: u32,
+        /// Of the true one, px.
+        truth_height: u32,
+    },
 }
 
 /// Compares silhouettes, inside above 127.

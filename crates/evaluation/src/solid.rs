@@ -1,3 +1,5 @@
+//! A mesh against the true model: volume overlap and surface distance.
+
 use nalgebra::Point3;
 use serde::Serialize;
 
@@ -18,6 +20,7 @@ pub struct ComparisonOptions {
     pub samples: usize,
     /// Distance that the F-score allows, over the truth's longest side.
     pub f_score_tolerance: f64,
+    /// Seed of the sample points: the same seed gives the same figures.
     pub seed: u64,
 }
 
@@ -39,6 +42,7 @@ impl Default for ComparisonOptions {
 pub struct SolidComparison {
     /// Intersection over union of the insides, `|winding number| > ½`.
     pub iou: f64,
+    /// Distances between the two surfaces.
     #[serde(flatten)]
     pub surface: SurfaceReport,
     /// Our volume over the true one, counted on the grid.
@@ -50,10 +54,17 @@ pub struct SolidComparison {
 /// Why a solid cannot be measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SolidError {
+    /// The mesh has no extent, is not finite or refers to vertices it lacks.
     #[error(
         "the mesh is not usable: it has {vertices} vertices and {triangles} triangles, and is without extent, not finite or refers to vertices it lacks"
     )]
-    UnusableMesh { vertices: usize, triangles: usize },
+    UnusableMesh {
+        /// How many vertices it has.
+        vertices: usize,
+        /// How many triangles it has.
+        triangles: usize,
+    },
+    /// No point of the grid is inside the mesh.
     #[error("the mesh encloses nothing: no point has a winding number over one half")]
     EnclosesNothing,
 }

@@ -1,3 +1,5 @@
+//! Distance between two surfaces: Hausdorff, Chamfer, F-score, normals.
+
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 use serde::Serialize;

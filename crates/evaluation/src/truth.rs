@@ -1,3 +1,5 @@
+//! Pictures of true depth or disparity, decoded from untrusted bytes.
+
 use std::io::Cursor;
 
 use image::{DynamicImage, ImageFormat, ImageReader};
@@ -15,15 +17,20 @@ const FLOAT_NOTHING: f32 = 1e9;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TruthEncoding {
+    /// PNG of 8 bits a channel.
     Png8,
+    /// PNG of 16 bits a channel.
     Png16,
+    /// Portable float map of one channel.
     Pfm,
+    /// OpenEXR.
     Exr,
 }
 
 /// A picture of true values as stored: counts of a PNG or floats.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RawTruth {
+    /// The format it was stored in.
     pub encoding: TruthEncoding,
     /// NaN where the picture has nothing: 0 in a PNG, what is transparent, and
     /// what is not finite or at least 1e9 in a float picture.
@@ -33,14 +40,33 @@ pub struct RawTruth {
 /// Why bytes are not a picture of true values.
 #[derive(Debug, thiserror::Error)]
 pub enum TruthError {
+    /// The file is too large to be read.
     #[error("has {bytes} bytes, over the limit of {limit}")]
-    TooManyBytes { bytes: u64, limit: u64 },
+    TooManyBytes {
+        /// Its size, bytes.
+        bytes: u64,
+        /// The most that is read, bytes.
+        limit: u64,
+    },
+    /// The bytes begin as none of the accepted formats does.
     #[error("is not a PNG, PFM or EXR picture")]
     UnknownFormat,
+    /// The picture is too large to be decoded.
     #[error("is {width}x{height}, over the limit of {max_pixels} pixels and {max_side_px} a side")]
-    TooManyPixels { width: u32, height: u32, max_pixels: u64, max_side_px: u32 },
+    TooManyPixels {
+        /// As the header states it, px.
+        width: u32,
+        /// As the header states it, px.
+        height: u32,
+        /// The most pixels that are decoded.
+        max_pixels: u64,
+        /// The longest side that is decoded, px.
+        max_side_px: u32,
+    },
+    /// The PFM picture is malformed or too large.
     #[error(transparent)]
     Pfm(#[from] PfmError),
+    /// The decoder failed; its own message.
     #[error("is damaged or of a kind that cannot be read: {0}")]
     Damaged(String),
 }

@@ -1,3 +1,5 @@
+//! A view's disparity or depth against its truth, pixel by pixel.
+
 use image::{GrayImage, Luma};
 use serde::Serialize;
 
@@ -55,6 +57,7 @@ pub struct ViewReport {
     pub correlation: Option<f64>,
     /// Absent when the truth is relative.
     pub bad2_px: Option<PxBad2>,
+    /// Bad 2.0 in grey levels of the maps stretched to 8 bits.
     pub bad2_grey: GreyBad2,
     /// Mean absolute depth error over pixels that have both, as a share of the
     /// truth's depth range. Absent when the truth is relative or flat, or no
@@ -75,8 +78,19 @@ pub struct PxBad2 {
 /// Why a view cannot be measured.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ViewEvaluationError {
+    /// The map and its truth are not of one size.
     #[error("the truth is {truth_width}x{truth_height}, the view {width}x{height}")]
-    SizeMismatch { width: u32, height: u32, truth_width: u32, truth_height: u32 },
+    SizeMismatch {
+        /// Of the map, px.
+        width: u32,
+        /// Of the map, px.
+        height: u32,
+        /// Of the truth, px.
+        truth_width: u32,
+        /// Of the truth, px.
+        truth_height: u32,
+    },
+    /// The truth is missing (NaN) everywhere.
     #[error("no pixel has a true value")]
     EmptyTruth,
 }

@@ -45,10 +45,12 @@ impl Azimuth {
         Ok(Self(if micro >= 360.0 { 0.0 } else { micro + 0.0 }))
     }
 
+    /// Degrees in [0, 360).
     pub fn degrees(self) -> f64 {
         self.0
     }
 
+    /// Radians in [0, 2π).
     pub fn radians(self) -> f64 {
         self.0.to_radians()
     }

@@ -18,6 +18,7 @@ pub enum Origin {
 /// Scale and place of exported meshes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
+#[expect(missing_docs, reason = "the schema describes it")]
 pub struct ExportOptions {
     /// Height of the subject, metres; `pixels_per_metre` takes precedence.
     #[schemars(range(min = 0.001, max = 10000.0))]
@@ -38,6 +39,7 @@ impl Default for ExportOptions {
 /// facing +Z, metres).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placement {
+    /// Metres a sheet pixel.
     pub metres_per_px: f64,
     /// Height of the turntable frame's origin above the glTF frame's, px.
     lift_px: f64,
@@ -63,6 +65,7 @@ impl Placement {
         Self { metres_per_px, lift_px }
     }
 
+    /// Sheet pixels a metre.
     pub fn pixels_per_metre(&self) -> f64 {
         1.0 / self.metres_per_px
     }

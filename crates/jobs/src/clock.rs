@@ -1,9 +1,12 @@
+//! Where the queue takes the time from, so that tests can move it.
+
 use std::sync::atomic::{AtomicI64, Ordering};
 
 use jiff::{SignedDuration, Timestamp};
 
 /// Where the queue takes the time from: leases, pauses and the log.
 pub trait Clock: Send + Sync {
+    /// The present moment.
     fn now(&self) -> Timestamp;
 }
 

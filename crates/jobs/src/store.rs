@@ -1,3 +1,5 @@
+//! What every job store can do, and why it may refuse.
+
 use std::time::Duration;
 
 use async_trait::async_trait;
@@ -17,13 +19,24 @@ pub enum StoreError {
     NotFound(JobId),
     /// The job is finished, so it can't be cancelled.
     #[error("job {id} is finished already")]
-    Finished { id: JobId },
+    Finished {
+        /// Name of the job.
+        id: JobId,
+    },
     /// The job runs, so it can't be deleted yet.
     #[error("job {id} is running")]
-    Running { id: JobId },
+    Running {
+        /// Name of the job.
+        id: JobId,
+    },
     /// The (job, attempt) no longer holds the lease.
     #[error("attempt {attempt} of job {id} lost its lease")]
-    LeaseLost { id: JobId, attempt: u32 },
+    LeaseLost {
+        /// Name of the job.
+        id: JobId,
+        /// The claim's attempt, from 1.
+        attempt: u32,
+    },
     /// The database failed.
     #[error("job store: {0}")]
     Backend(#[source] Box<dyn std::error::Error + Send + Sync>),
@@ -38,8 +51,10 @@ pub trait JobStore: Send + Sync {
     /// Adds a job in state queued.
     async fn enqueue(&self, job: NewJob) -> Result<Job, StoreError>;
 
+    /// The job as it is now.
     async fn get(&self, id: JobId) -> Result<Job, StoreError>;
 
+    /// Part of the jobs that `query` is about, newest first.
     async fn list(&self, query: &ListQuery) -> Result<Page, StoreError>;
 
     /// The events of a job numbered above `after`, in order.

@@ -1,3 +1,5 @@
+//! What a job is: its states, claims, events and listings.
+
 use std::fmt;
 use std::str::FromStr;
 
@@ -48,10 +50,15 @@ impl FromStr for JobId {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum JobState {
+    /// Waits for a worker, for the first time or again.
     Queued,
+    /// A worker holds its lease.
     Running,
+    /// Done; its artifacts are published. Final.
     Succeeded,
+    /// Ended without a result; `failure` has why. Final.
     Failed,
+    /// Stopped because somebody asked to. Final.
     Cancelled,
 }
 
@@ -65,6 +72,7 @@ impl JobState {
 /// What to enqueue.
 #[derive(Clone, Debug)]
 pub struct NewJob {
+    /// The new job's name.
     pub id: JobId,
     /// Which work it is, such as `reconstruction`.
     pub kind: String,
@@ -77,16 +85,22 @@ pub struct NewJob {
 /// A job as stored.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Job {
+    /// Its name.
     pub id: JobId,
+    /// Which work it is, such as `reconstruction`.
     pub kind: String,
+    /// What the work needs, apart from stored bytes.
     pub payload: Value,
+    /// Where it is in its life.
     pub state: JobState,
     /// Claims so far: the latest one's fencing token, never used by two claims.
     pub attempt: u32,
     /// Claims that count: a released one is given back, so that this may be
     /// less than `attempt`.
     pub attempts_used: u32,
+    /// How often it may be claimed, released claims apart.
     pub max_attempts: u32,
+    /// Whether somebody asked to cancel it.
     pub cancel_requested: bool,
     /// Last reported progress of the current attempt.
     pub progress: Option<Value>,
@@ -94,9 +108,11 @@ pub struct Job {
     pub failure: Option<Failure>,
     /// Set when succeeded, in publication order.
     pub artifacts: Vec<ArtifactEntry>,
+    /// When it was enqueued.
     pub created_at: Timestamp,
     /// When the current attempt began.
     pub started_at: Option<Timestamp>,
+    /// When it reached a final state; `None` until then.
     pub finished_at: Option<Timestamp>,
     /// Grows by one with every change: the source of ETags and the number of
     /// the latest event.
@@ -122,7 +138,9 @@ pub struct Failure {
 pub struct ArtifactEntry {
     /// Path below the job's artifacts, such as `views/45/disparity.png`.
     pub name: String,
+    /// Such as `image/png`.
     pub media_type: String,
+    /// Size of the content, bytes.
     pub bytes: u64,
     /// Lower-case hexadecimal SHA-256 of the content.
     pub sha256: String,
@@ -131,6 +149,7 @@ pub struct ArtifactEntry {
 /// The right to run a job until the lease ends.
 #[derive(Clone, Debug)]
 pub struct Claim {
+    /// The job as it was claimed.
     pub job: Job,
     /// This claim's attempt, from 1: the fencing token.
     pub attempt: u32,
@@ -140,7 +159,10 @@ pub struct Claim {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Heartbeat {
     /// The lease was extended.
-    Held { cancel_requested: bool },
+    Held {
+        /// Whether somebody asked to cancel the job.
+        cancel_requested: bool,
+    },
     /// The (job, attempt) no longer runs: stop and throw the result away.
     Lost,
 }
@@ -149,31 +171,43 @@ pub enum Heartbeat {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum EventKind {
+    /// Enqueued.
     Queued,
     /// Claimed; the data has the attempt.
     Started,
+    /// The work said how far it is; the data has it.
     Progress,
+    /// Somebody asked to cancel it while it runs.
     CancelRequested,
     /// Put back: its worker stopped or its lease ended.
     Requeued,
+    /// Done, its artifacts published.
     Succeeded,
+    /// Ended without a result; the data has why.
     Failed,
+    /// Ended because it was cancelled.
     Cancelled,
 }
 
 /// An entry of a job's log. Numbers start at 1 and have no gaps.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Event {
+    /// The job's version after it, from 1.
     pub number: u64,
+    /// When it happened.
     pub at: Timestamp,
+    /// What happened.
     pub kind: EventKind,
+    /// More about it; its keys depend on the kind.
     pub data: Value,
 }
 
 /// A hint that a job changed in this process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct JobChange {
+    /// The job that changed.
     pub id: JobId,
+    /// What happened to it.
     pub kind: EventKind,
     /// The job's version after the change.
     pub version: u64,
@@ -182,17 +216,24 @@ pub struct JobChange {
 /// How many jobs are stored in each state.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct JobCounts {
+    /// Jobs that wait for a worker.
     pub queued: u64,
+    /// Jobs that a worker holds.
     pub running: u64,
+    /// Jobs that are done.
     pub succeeded: u64,
+    /// Jobs that ended without a result.
     pub failed: u64,
+    /// Jobs that were cancelled.
     pub cancelled: u64,
 }
 
 /// Which jobs to list, newest first.
 #[derive(Clone, Debug, Default)]
 pub struct ListQuery {
+    /// Only jobs of this kind; `None` for all.
     pub kind: Option<String>,
+    /// Only jobs in this state; `None` for all.
     pub state: Option<JobState>,
     /// Only jobs older than this one.
     pub before: Option<JobId>,
@@ -203,6 +244,7 @@ pub struct ListQuery {
 /// Part of a listing.
 #[derive(Clone, Debug)]
 pub struct Page {
+    /// Newest first.
     pub jobs: Vec<Job>,
     /// Give as `before` for the next part; `None` at the end.
     pub next: Option<JobId>,

@@ -8,7 +8,9 @@ use crate::Mesh;
 /// A face of three or four vertices, counter-clockwise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Face {
+    /// Indices of three vertices.
     Triangle([u32; 3]),
+    /// Indices of four vertices.
     Quad([u32; 4]),
 }
 

@@ -8,6 +8,7 @@ use crate::Mesh;
 /// A mesh for drawing: vertices are repeated where the normal breaks.
 #[derive(Clone, Debug, Default)]
 pub struct ShadedMesh {
+    /// In the frame and unit of the original mesh.
     pub positions: Vec<Point3<f64>>,
     /// Unit length, one a position.
     pub normals: Vec<Vector3<f64>>,

@@ -1,3 +1,5 @@
+//! A shaded picture of a mesh: front, quarter and side beside each other.
+
 use image::{GrayImage, Luma};
 use nalgebra::{Point2, Point3, Vector3};
 

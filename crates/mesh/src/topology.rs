@@ -5,14 +5,34 @@ use crate::Mesh;
 /// Why a mesh does not bound a solid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum TopologyError {
+    /// A triangle names a vertex that there is not.
     #[error("triangle {triangle} names vertex {vertex}, there are {count}")]
-    IndexOutOfRange { triangle: usize, vertex: u32, count: usize },
+    IndexOutOfRange {
+        /// Index of the triangle.
+        triangle: usize,
+        /// The vertex it names.
+        vertex: u32,
+        /// How many vertices there are.
+        count: usize,
+    },
+    /// A triangle has two corners at one vertex.
     #[error("triangle {triangle} uses a vertex twice")]
-    Degenerate { triangle: usize },
+    Degenerate {
+        /// Index of the triangle.
+        triangle: usize,
+    },
+    /// The surface has a border, or edges of more than two triangles.
     #[error("{open} edges do not belong to exactly two triangles of opposite direction")]
-    OpenEdges { open: usize },
+    OpenEdges {
+        /// How many directed edges are doubled or lack their opposite.
+        open: usize,
+    },
+    /// Surfaces touch in one vertex.
     #[error("the triangles around vertex {vertex} form more than one fan")]
-    SplitFan { vertex: u32 },
+    SplitFan {
+        /// Index of the vertex.
+        vertex: u32,
+    },
 }
 
 /// The directed edges of a mesh by the vertex that they leave.
@@ -25,9 +45,11 @@ pub struct HalfEdges {
 /// One side of a triangle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct HalfEdge {
+    /// The vertex that the edge leads to.
     pub to: u32,
     /// The triangle's third vertex.
     pub third: u32,
+    /// Index of the triangle that it belongs to.
     pub triangle: u32,
 }
 
@@ -62,6 +84,7 @@ impl HalfEdges {
         &self.edges[start..end]
     }
 
+    /// The edge from one vertex to another; `None` if no triangle has it.
     pub fn find(&self, from: u32, to: u32) -> Option<&HalfEdge> {
         self.from(from).iter().find(|edge| edge.to == to)
     }

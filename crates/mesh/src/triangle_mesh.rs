@@ -9,6 +9,7 @@ use nalgebra::Point3;
 /// Triangles are counter-clockwise seen from outside.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
+    /// The vertices.
     pub positions: Vec<Point3<f64>>,
     /// Indices into `positions`.
     pub triangles: Vec<[u32; 3]>,

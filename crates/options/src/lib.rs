@@ -28,6 +28,7 @@ pub enum OptionProblemKind {
 pub struct OptionProblem {
     /// Dotted name, such as `disparity.block_size`; empty for the whole.
     pub option: String,
+    /// Whether it is unknown or its value is not accepted.
     pub kind: OptionProblemKind,
     /// What is wrong and what would be accepted.
     pub detail: String,
@@ -67,11 +68,13 @@ pub trait OptionSet: Serialize + DeserializeOwned + PartialEq {
 /// range, default and meaning.
 #[derive(Debug)]
 pub struct Schema {
+    /// The schema as JSON.
     pub document: Value,
     validator: Validator,
 }
 
 impl Schema {
+    /// The schema that `T` derives, ready to check values.
     pub fn of<T: JsonSchema>() -> Self {
         let document: Value = SchemaSettings::draft2020_12()
             .with(|settings| settings.inline_subschemas = true)

@@ -43,12 +43,30 @@ impl ImageLimits {
 /// Why bytes are not a usable drawing.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ImageError {
+    /// The file is too large to be read.
     #[error("has {bytes} bytes, over the limit of {limit}")]
-    TooManyBytes { bytes: u64, limit: u64 },
+    TooManyBytes {
+        /// Its size, bytes.
+        bytes: u64,
+        /// The most that is read, bytes.
+        limit: u64,
+    },
+    /// The bytes begin as none of the accepted formats does.
     #[error("is not a PNG, JPEG, WebP or TIFF image")]
     NotAnImage,
+    /// The picture is too large to be decoded.
     #[error("is {width}x{height}, over the limit of {max_pixels} pixels and {max_side_px} a side")]
-    TooManyPixels { width: u32, height: u32, max_pixels: u64, max_side_px: u32 },
+    TooManyPixels {
+        /// As the header states it, px.
+        width: u32,
+        /// As the header states it, px.
+        height: u32,
+        /// The most pixels that are decoded.
+        max_pixels: u64,
+        /// The longest side that is decoded, px.
+        max_side_px: u32,
+    },
+    /// The decoder failed; its own message.
     #[error("is damaged or truncated: {0}")]
     Damaged(String),
 }

@@ -9,7 +9,9 @@ pub type FloatImage = ImageBuffer<Luma<f32>, Vec<f32>>;
 /// The smallest and largest value of a map.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ValueRange {
+    /// The smallest finite value, in the map's unit.
     pub min: f32,
+    /// The largest finite value, in the map's unit.
     pub max: f32,
 }
 

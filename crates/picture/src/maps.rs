@@ -14,7 +14,9 @@ const WHITE_16: f64 = 65_535.0;
 /// the value 0 is missing.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct DepthEncoding {
+    /// Depth that a value of 0 would have, px.
     pub offset_px: f64,
+    /// Depth from one value to the next, px.
     pub scale_px: f64,
 }
 

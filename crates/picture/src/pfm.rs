@@ -8,14 +8,32 @@ const MAX_HEADER_BYTES: usize = 256;
 /// Why bytes are not a readable PFM picture.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PfmError {
+    /// The header is malformed.
     #[error("does not begin with Pf, width, height and scale")]
     Header,
+    /// The picture has colour.
     #[error("has three channels (PF), not one (Pf)")]
     Colour,
+    /// The picture is too large to be decoded.
     #[error("is {width}x{height}, over the limit of {max_pixels} pixels and {max_side_px} a side")]
-    TooManyPixels { width: u64, height: u64, max_pixels: u64, max_side_px: u32 },
+    TooManyPixels {
+        /// As the header states it, px.
+        width: u64,
+        /// As the header states it, px.
+        height: u64,
+        /// The most pixels that are decoded.
+        max_pixels: u64,
+        /// The longest side that is decoded, px.
+        max_side_px: u32,
+    },
+    /// Pixels are missing at the end.
     #[error("holds {found} bytes of pixels, its size needs {required}")]
-    Truncated { found: usize, required: u64 },
+    Truncated {
+        /// Bytes of pixels that there are.
+        found: usize,
+        /// Bytes that width and height ask for.
+        required: u64,
+    },
 }
 
 /// Writes a map as a portable float map, little endian, bottom row first; NaN

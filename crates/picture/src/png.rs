@@ -9,11 +9,14 @@ use image::{DynamicImage, ExtendedColorType, ImageBuffer, ImageEncoder, PixelWit
 #[derive(Debug, thiserror::Error)]
 #[error("{what} could not be encoded: {reason}")]
 pub struct EncodeError {
+    /// What was to be encoded, such as `matches`.
     pub what: &'static str,
+    /// The encoder's own message.
     pub reason: String,
 }
 
 impl EncodeError {
+    /// `what` could not be encoded, for the `reason` that the encoder gives.
     pub fn new(what: &'static str, reason: impl ToString) -> Self {
         Self { what, reason: reason.to_string() }
     }

@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
     Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
 )]
 #[serde(rename_all = "snake_case")]
+#[expect(missing_docs, reason = "the schema describes it")]
 pub enum Stage {
     /// The views of a sheet that is drawn.
     Views,
@@ -33,6 +34,7 @@ pub enum Stage {
 
 /// How far an attempt is. Never goes back within an attempt.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[expect(missing_docs, reason = "the schema describes it")]
 pub struct Progress {
     pub stage: Stage,
     /// Units of the stage that are done, of `total`.

@@ -1,3 +1,5 @@
+//! Holds a sheet document and the sizes of its pictures against what a method takes.
+
 use std::collections::BTreeMap;
 
 use frames::Azimuth;
@@ -10,7 +12,9 @@ const MAX_HOLES: usize = 1000;
 /// What a method asks of a sheet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SheetRequirements {
+    /// The fewest views it works from.
     pub min_views: usize,
+    /// The most views it takes.
     pub max_views: usize,
     /// Whether every view must have the same width and height.
     pub equal_sizes: bool,
@@ -19,6 +23,7 @@ pub struct SheetRequirements {
 /// A view of a checked document.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlacedView {
+    /// Where its camera stands on the turntable.
     pub azimuth: Azimuth,
     /// Camera elevation, degrees, up positive.
     pub elevation_deg: f64,
@@ -33,49 +38,125 @@ pub struct PlacedView {
 /// Why a sheet document, or the pictures it names, cannot be worked with.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SheetProblem {
+    /// The method needs more views.
     #[error("the sheet has {found} views, the method takes {required} or more; add views")]
-    TooFewViews { found: usize, required: usize },
+    TooFewViews {
+        /// Views of the sheet.
+        found: usize,
+        /// The fewest that are taken.
+        required: usize,
+    },
+    /// The sheet has more views than are taken.
     #[error("the sheet has {found} views, over the limit of {limit}; leave some out")]
-    TooManyViews { found: usize, limit: usize },
+    TooManyViews {
+        /// Views of the sheet.
+        found: usize,
+        /// The most that are taken.
+        limit: usize,
+    },
+    /// An angle is not finite.
     #[error("{place} is {value}; give a finite angle in degrees")]
-    InvalidAngle { place: String, value: f64 },
+    InvalidAngle {
+        /// Where in the document, such as `views[2].azimuth_deg`.
+        place: String,
+        /// What it says, degrees.
+        value: f64,
+    },
+    /// A number is not finite or out of range.
     #[error("{place} is {value}; give {accepted}")]
-    InvalidNumber { place: String, value: f64, accepted: &'static str },
+    InvalidNumber {
+        /// Where in the document.
+        place: String,
+        /// What it says, in the field's own unit.
+        value: f64,
+        /// What would be accepted, for people.
+        accepted: &'static str,
+    },
+    /// A file's name is empty.
     #[error("{place} is empty; name a file")]
-    EmptyName { place: String },
+    EmptyName {
+        /// Where in the document, such as `views[2].image`.
+        place: String,
+    },
+    /// A view names a true depth and a true disparity picture.
     #[error("{place} has a true depth and a true disparity picture; name one")]
-    TwoTruths { place: String },
+    TwoTruths {
+        /// Which view, such as `views[2]`.
+        place: String,
+    },
+    /// A true model is named, but not its scale.
     #[error("the true model needs pixels_per_unit, the sheet's pixels a unit of the model")]
     ModelWithoutScale,
+    /// A list or a name is too long.
     #[error("{place} has {found} {unit}, over the limit of {limit}")]
-    TooLong { place: &'static str, found: usize, unit: &'static str, limit: usize },
+    TooLong {
+        /// Where in the document.
+        place: &'static str,
+        /// Its length, in `unit`.
+        found: usize,
+        /// What is counted, such as `bytes`.
+        unit: &'static str,
+        /// The most that is taken, in `unit`.
+        limit: usize,
+    },
+    /// Two views are at one angle.
     #[error(
         "views[{first}] and views[{second}] both have azimuth {azimuth}; give each angle once (360 and 0 are the same)"
     )]
-    DuplicateAzimuth { azimuth: Azimuth, first: usize, second: usize },
+    DuplicateAzimuth {
+        /// Their azimuth.
+        azimuth: Azimuth,
+        /// Index of the earlier one in the document.
+        first: usize,
+        /// Index of the later one.
+        second: usize,
+    },
+    /// The method takes drawings of one size, and these differ.
     #[error(
         "view {azimuth} is {found}, view {first_azimuth} is {expected}; the method takes views of one size, so pad or scale the drawings"
     )]
     DifferingSizes {
+        /// The view that differs.
         azimuth: Azimuth,
+        /// Its drawing's size, px.
         found: PictureSize,
+        /// The view it differs from.
         first_azimuth: Azimuth,
+        /// That view's size, px.
         expected: PictureSize,
     },
+    /// A mask is not of its drawing's size.
     #[error(
         "the mask of view {azimuth} is {found}, its drawing {expected}; make them the same size"
     )]
-    MaskSize { azimuth: Azimuth, found: PictureSize, expected: PictureSize },
+    MaskSize {
+        /// Which view.
+        azimuth: Azimuth,
+        /// The mask's size, px.
+        found: PictureSize,
+        /// The drawing's size, px.
+        expected: PictureSize,
+    },
+    /// A picture of true values is not of its drawing's size.
     #[error(
         "the picture of true values of view {azimuth} is {found}, its drawing {expected}; make them the same size"
     )]
-    TruthSize { azimuth: Azimuth, found: PictureSize, expected: PictureSize },
+    TruthSize {
+        /// Which view.
+        azimuth: Azimuth,
+        /// That picture's size, px.
+        found: PictureSize,
+        /// The drawing's size, px.
+        expected: PictureSize,
+    },
 }
 
 /// Width and height of a picture, px.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PictureSize {
+    /// Columns.
     pub width: u32,
+    /// Rows.
     pub height: u32,
 }
 

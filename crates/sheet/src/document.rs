@@ -1,3 +1,5 @@
+//! The sheet document as JSON: `sheet.json`, and the part `sheet` of an upload.
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -10,6 +12,7 @@ use frames::UpAxis;
 /// the stored description of a job. Image names are relative to the document.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[expect(missing_docs, reason = "the schema describes it")]
 pub struct SheetDocument {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
@@ -42,6 +45,7 @@ pub struct SheetDocument {
 /// One drawn view.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[expect(missing_docs, reason = "the schema describes it")]
 pub struct ViewDocument {
     /// Name of the drawing: PNG, JPEG, WebP or TIFF.
     pub image: String,
@@ -119,6 +123,7 @@ pub struct TruthDocument {
 /// A hole through the subject, pointed at in one view.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[expect(missing_docs, reason = "the schema describes it")]
 pub struct HoleDocument {
     pub azimuth_deg: f64,
     /// Pixels right of the view's left edge.

@@ -63,7 +63,9 @@ pub struct MatchDocument {
 /// A match in the sheet frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SheetMatch {
+    /// The point in the left view, px.
     pub left: Point2<f64>,
+    /// The same point of the subject in the right view, px.
     pub right: Point2<f64>,
 }
 
@@ -73,44 +75,124 @@ pub enum MatchEdit {
     /// They are not used, these are.
     Replace(Vec<SheetMatch>),
     /// Some are dropped, others come to them.
-    Change { remove: Vec<SheetMatch>, add: Vec<SheetMatch> },
+    Change {
+        /// Automatic matches to drop.
+        remove: Vec<SheetMatch>,
+        /// Matches that come to the rest.
+        add: Vec<SheetMatch>,
+    },
 }
 
 /// The checked matches of one pair of neighbours; `right` is ahead of `left`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PairEdit {
+    /// The view that the pair turns from.
     pub left: Azimuth,
+    /// Its neighbour, the next counter-clockwise.
     pub right: Azimuth,
+    /// What to do to the pair's automatic matches.
     pub edit: MatchEdit,
 }
 
 /// Why given matches cannot be used. `place` is such as `matches[2].add[0]`.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MatchesProblem {
+    /// A pair's angles are not finite.
     #[error("{place} names {left_deg} and {right_deg}; give finite angles in degrees")]
-    InvalidAngle { place: String, left_deg: f64, right_deg: f64 },
+    InvalidAngle {
+        /// Which entry.
+        place: String,
+        /// As given, degrees.
+        left_deg: f64,
+        /// As given, degrees.
+        right_deg: f64,
+    },
+    /// The two views are no neighbours, or in the wrong order.
     #[error(
         "{place} is for views {left} and {right}, which are no neighbours in this order; the pairs are {pairs}"
     )]
-    UnknownPair { place: String, left: Azimuth, right: Azimuth, pairs: String },
+    UnknownPair {
+        /// Which entry.
+        place: String,
+        /// The left view as given.
+        left: Azimuth,
+        /// The right view as given.
+        right: Azimuth,
+        /// All pairs of neighbours, such as `0-45, 45-90`.
+        pairs: String,
+    },
+    /// The two views are too far apart to be paired.
     #[error(
         "{place} is for views {left} and {right}, which are {angle_deg} degrees apart and not paired; max_pair_angle_deg is {limit_deg}"
     )]
-    TooWide { place: String, left: Azimuth, right: Azimuth, angle_deg: f64, limit_deg: f64 },
+    TooWide {
+        /// Which entry.
+        place: String,
+        /// The left view.
+        left: Azimuth,
+        /// The right view.
+        right: Azimuth,
+        /// From left to right, degrees.
+        angle_deg: f64,
+        /// The widest that is paired, degrees.
+        limit_deg: f64,
+    },
+    /// Two entries are for one pair.
     #[error("matches[{first}] and {place} are for the same pair; give each pair once")]
-    DuplicatePair { place: String, first: usize },
+    DuplicatePair {
+        /// The later entry.
+        place: String,
+        /// Index of the earlier one.
+        first: usize,
+    },
+    /// An entry has no matches and changes nothing.
     #[error("{place} says nothing; give `matches`, or `add` and `remove`")]
-    Empty { place: String },
+    Empty {
+        /// Which entry.
+        place: String,
+    },
+    /// An entry both replaces all matches and changes some.
     #[error("{place} has both `matches` and `add` or `remove`; `matches` replace all others")]
-    Contradictory { place: String },
+    Contradictory {
+        /// Which entry.
+        place: String,
+    },
+    /// Coordinates are given in a frame that is not known.
     #[error("{place}.frame is {found:?}; coordinates are taken as {expected:?}")]
-    UnknownFrame { place: String, found: String, expected: &'static str },
+    UnknownFrame {
+        /// Which entry.
+        place: String,
+        /// The frame it names, shortened.
+        found: String,
+        /// The one frame that is taken.
+        expected: &'static str,
+    },
+    /// A list has too many matches.
     #[error("{place} has {found} matches, over the limit of {limit}")]
-    TooMany { place: String, found: usize, limit: usize },
+    TooMany {
+        /// Which list.
+        place: String,
+        /// Matches that it has.
+        found: usize,
+        /// The most that are taken.
+        limit: usize,
+    },
+    /// A point lies outside of its view or is not finite.
     #[error(
         "{place} is ({x}, {y}); give finite pixels within the view, 0 to {width} and 0 to {height}"
     )]
-    OutsideView { place: String, x: f64, y: f64, width: u32, height: u32 },
+    OutsideView {
+        /// Which point.
+        place: String,
+        /// As given, px right of the left edge.
+        x: f64,
+        /// As given, px below the top edge.
+        y: f64,
+        /// Of the view, px.
+        width: u32,
+        /// Of the view, px.
+        height: u32,
+    },
 }
 
 /// Checks the matches that a sheet brings.

@@ -1,3 +1,5 @@
+//! Decoded views, and the sheet that they make.
+
 use image::GrayImage;
 
 use super::PictureSize;
@@ -7,6 +9,7 @@ use frames::Azimuth;
 /// One decoded view.
 #[derive(Clone, Debug, PartialEq)]
 pub struct View {
+    /// Where its camera stands on the turntable.
     pub azimuth: Azimuth,
     /// Camera elevation, degrees, up positive.
     pub elevation_deg: f64,
@@ -33,12 +36,25 @@ pub struct Sheet {
 /// Why views do not make a sheet.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SheetError {
+    /// Two views are at this angle.
     #[error("two views have azimuth {0}; give each angle once (360 and 0 are the same)")]
     DuplicateAzimuth(Azimuth),
+    /// A mask is not of its drawing's size.
     #[error(
         "the mask of view {azimuth} is {mask_width}x{mask_height}, its drawing {width}x{height}; make them the same size"
     )]
-    MaskSize { azimuth: Azimuth, width: u32, height: u32, mask_width: u32, mask_height: u32 },
+    MaskSize {
+        /// Which view.
+        azimuth: Azimuth,
+        /// Of the drawing, px.
+        width: u32,
+        /// Of the drawing, px.
+        height: u32,
+        /// Of the mask, px.
+        mask_width: u32,
+        /// Of the mask, px.
+        mask_height: u32,
+    },
 }
 
 impl Sheet {

@@ -1,3 +1,5 @@
+//! The sheets of a study: three neighbouring views, the middle one with truth.
+
 use evaluation::ViewTruth;
 use frames::Azimuth;
 use sheet::View;
@@ -12,19 +14,26 @@ const SAME_DEG: f64 = 1e-3;
 /// one.
 #[derive(Clone, Debug)]
 pub struct StudySheet {
+    /// As tables and figures call it.
     pub name: String,
     /// From one view to the next, degrees.
     pub spacing_deg: f64,
     /// By rising azimuth.
     pub views: [View; 3],
+    /// True values of the middle view.
     pub truth: ViewTruth,
 }
 
 /// Why a sheet has no three views to study.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum TripleError {
+    /// No view with truth has neighbours at the spacing asked for.
     #[error("the sheet has no view with truth between two neighbours {spacing_deg} degrees apart")]
-    NotAtSpacing { spacing_deg: f64 },
+    NotAtSpacing {
+        /// That spacing, degrees.
+        spacing_deg: f64,
+    },
+    /// No view with truth lies half way between two others.
     #[error("the sheet has no view with truth half way between two neighbours")]
     None,
 }

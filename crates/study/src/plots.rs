@@ -1,3 +1,5 @@
+//! Curves as SVG plots.
+
 use plotters::prelude::*;
 use plotters::style::RGBColor;
 

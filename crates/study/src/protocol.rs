@@ -1,3 +1,5 @@
+//! What the study varies, and over which values.
+
 use uncalibrated::DisparityGrid;
 use uncalibrated::Options;
 use uncalibrated::options::{Descriptor, Detector, DisparityOptions};

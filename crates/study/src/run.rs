@@ -1,3 +1,5 @@
+//! Runs the study's sweeps and searches on all sheets.
+
 use rayon::prelude::*;
 
 use super::dense::{
@@ -59,7 +61,9 @@ pub(super) struct BestTry {
 /// A file of the study.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StudyFile {
+    /// Path in the study's folder.
     pub name: String,
+    /// The whole content.
     pub text: String,
 }
 

@@ -1,3 +1,5 @@
+//! Tables as CSV and Markdown.
+
 use std::fmt::Write;
 
 /// A value in a table.

@@ -1,3 +1,5 @@
+//! How much of each pixel of a drawing is ink.
+
 use image::GrayImage;
 
 /// Ink above this share counts as part of a line.
@@ -34,10 +36,12 @@ impl InkMap {
         Self { width: to[0] - from[0], height: to[1] - from[1], ink: rows.copied().collect() }
     }
 
+    /// Columns, px.
     pub fn width(&self) -> usize {
         self.width
     }
 
+    /// Rows, px.
     pub fn height(&self) -> usize {
         self.height
     }
@@ -58,6 +62,7 @@ impl InkMap {
         }
     }
 
+    /// The ink of all pixels, row by row.
     pub fn as_slice(&self) -> &[f32] {
         &self.ink
     }

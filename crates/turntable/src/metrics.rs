@@ -25,6 +25,7 @@ pub struct Metrics {
     mesh: MeshMetrics,
     /// Angle of the pair that disparity maps stand for, degrees.
     disparity_angle_deg: f64,
+    /// What a person should look at, in sentences.
     pub warnings: Vec<String>,
 }
 

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 /// What the method `turntable` does.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
+#[expect(missing_docs, reason = "the schema describes it")]
 pub struct TurntableOptions {
     /// Whether drawings that are off in place or size are moved to fit the
     /// others; how well they agree is reported in any case.
@@ -105,6 +106,7 @@ pub enum SolidKind {
 /// Whether something is done: by what the drawings show, always, or never.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
+#[expect(missing_docs, reason = "the schema describes it")]
 pub enum Switch {
     #[default]
     Auto,

@@ -23,16 +23,48 @@ pub struct ViewSet<'a> {
 /// Why views cannot be used together.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ViewSetError {
+    /// Depth needs more views.
     #[error("found {found} views, {required} are required")]
-    TooFewViews { found: usize, required: usize },
+    TooFewViews {
+        /// Views that were given.
+        found: usize,
+        /// The fewest that are taken.
+        required: usize,
+    },
+    /// Two views are at one angle.
     #[error("two views are at azimuth {azimuth}")]
-    DuplicateAzimuth { azimuth: Azimuth },
+    DuplicateAzimuth {
+        /// Their azimuth.
+        azimuth: Azimuth,
+    },
+    /// The drawings are not all of one size.
     #[error("view {azimuth} is {found:?} px where {expected:?} px is expected")]
-    SizesDiffer { azimuth: Azimuth, found: (u32, u32), expected: (u32, u32) },
+    SizesDiffer {
+        /// The view that differs.
+        azimuth: Azimuth,
+        /// Its width and height, px.
+        found: (u32, u32),
+        /// Width and height of the first view, px.
+        expected: (u32, u32),
+    },
+    /// A mask is not of its drawing's size.
     #[error("the mask of view {azimuth} is {found:?} px, its image {expected:?} px")]
-    MaskSizeDiffers { azimuth: Azimuth, found: (u32, u32), expected: (u32, u32) },
+    MaskSizeDiffers {
+        /// Which view.
+        azimuth: Azimuth,
+        /// Width and height of the mask, px.
+        found: (u32, u32),
+        /// Width and height of the drawing, px.
+        expected: (u32, u32),
+    },
+    /// The drawing is too small or too large to be worked with.
     #[error("view {azimuth} is {found:?} px, sides are 8 to {MAX_SIDE_PX} px")]
-    SideOutOfRange { azimuth: Azimuth, found: (u32, u32) },
+    SideOutOfRange {
+        /// Which view.
+        azimuth: Azimuth,
+        /// Its width and height, px.
+        found: (u32, u32),
+    },
 }
 
 impl<'a> ViewSet<'a> {
@@ -77,10 +109,12 @@ impl<'a> ViewSet<'a> {
         Self::new(kept.iter().map(|&index| self.views[index].clone()).collect())
     }
 
+    /// Columns of every view, px.
     pub fn width(&self) -> u32 {
         self.views[0].image.width()
     }
 
+    /// Rows of every view, px.
     pub fn height(&self) -> u32 {
         self.views[0].image.height()
     }
@@ -95,6 +129,7 @@ impl<'a> ViewSet<'a> {
         f64::from(self.height()) / 2.0
     }
 
+    /// Ascending, one a view.
     pub fn azimuths(&self) -> impl Iterator<Item = Azimuth> + '_ {
         self.views.iter().map(|view| view.azimuth)
     }

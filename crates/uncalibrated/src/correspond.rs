@@ -26,6 +26,7 @@ const MANY_INLIERS: usize = 15;
 /// A match as coordinates, OpenCV's pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MatchedPoints {
+    /// Where it is in the left and in the right view.
     pub points: Correspondence,
     /// Descriptor distance; `None` for matches that were given.
     pub distance: Option<f32>,
@@ -36,9 +37,13 @@ pub struct MatchedPoints {
 pub struct TryReport {
     /// From 1.
     pub number: u32,
+    /// Keypoints found in the left view.
     pub keypoints_left: usize,
+    /// Keypoints found in the right view.
     pub keypoints_right: usize,
+    /// Matches that the geometry was estimated from.
     pub matches: usize,
+    /// How many of them agree with it; 0 if there is no estimate.
     pub inliers: usize,
     /// Over the inliers; null if there is no estimate.
     pub mean_sampson_px2: Option<f64>,
@@ -48,6 +53,7 @@ pub struct TryReport {
     pub cost: Option<f64>,
     /// Whether the mean Sampson distance was at most its threshold.
     pub passed: bool,
+    /// Why there is no estimate, for people; `None` if there is one.
     pub failure: Option<String>,
     /// Inlier threshold that it ran with, px.
     pub max_error_px: f64,

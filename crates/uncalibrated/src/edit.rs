@@ -15,11 +15,17 @@ const SAME_PX: f64 = 0.5;
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum EditReport {
     /// The given matches were used instead.
-    Replaced { given: usize },
+    Replaced {
+        /// How many.
+        given: usize,
+    },
+    /// Some automatic matches were dropped, others added.
     Changed {
+        /// Automatic matches that were dropped.
         removed: usize,
         /// Matches to be removed that are none of the automatic ones.
         not_found: usize,
+        /// Matches that came to the rest.
         added: usize,
     },
 }

@@ -14,6 +14,7 @@ pub struct MeshExtras {
     pub azimuths_deg: Vec<f64>,
     /// Sheet pixels a metre.
     pub pixels_per_metre: f64,
+    /// The method that made it, as the option `method` names it.
     pub method: String,
     /// Version of this program.
     pub version: String,

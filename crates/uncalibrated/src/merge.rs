@@ -18,16 +18,20 @@ const SEED_PURPOSE: u64 = 1 << 32;
 /// How two neighbouring clouds were joined.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MergeLink {
+    /// The pair whose two clouds it joins.
     pub pair: PairName,
     /// Inlier matches with depth in both views.
     pub shared_points: usize,
+    /// Whether it holds.
     #[serde(flatten)]
     pub outcome: LinkOutcome,
 }
 
+/// Whether two clouds could be joined, and by what.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "status", rename_all = "snake_case")]
 pub enum LinkOutcome {
+    /// A similarity brings them together.
     Joined {
         /// Shared points within the merge's error limit.
         agreeing_points: usize,
@@ -39,7 +43,9 @@ pub enum LinkOutcome {
         /// by `angle_deg` of the pair.
         rotation_deg: f64,
     },
+    /// No similarity does.
     Failed {
+        /// Why.
         failure: SimilarityError,
     },
 }
@@ -49,6 +55,7 @@ pub enum LinkOutcome {
 pub struct Merged {
     /// View index and the transform to the turntable frame, in chain order.
     pub views: Vec<(usize, Similarity3<f64>)>,
+    /// One a pair of neighbours that was tried, joined or not.
     pub links: Vec<MergeLink>,
 }
 

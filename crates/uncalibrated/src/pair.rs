@@ -27,14 +27,19 @@ pub(super) const STEPS: usize = 5;
 #[derive(Clone, Debug, PartialEq, Serialize, thiserror::Error)]
 #[serde(tag = "stage", rename_all = "snake_case")]
 pub enum PairFailure {
+    /// A view has no features.
     #[error("features: {0}")]
     Features(FeatureError),
+    /// OpenCV refused to match the descriptors.
     #[error("matching: {0}")]
     Matching(OpenCvError),
+    /// The matches give no fundamental matrix to rely on.
     #[error("epipolar geometry: {0}")]
     EpipolarGeometry(EpipolarError),
+    /// No homographies make the epipolar lines level.
     #[error("rectification: {0}")]
     Rectification(#[from] RectificationError),
+    /// The rectified views could not be matched densely.
     #[error("disparity: {0}")]
     Disparity(#[from] DisparityError),
 }
@@ -43,29 +48,46 @@ pub enum PairFailure {
 #[derive(Clone, Debug, PartialEq)]
 pub enum PairOutcome {
     /// Both disparity maps were made.
-    Usable { geometry: EpipolarGeometry, rectification: Rectification },
+    Usable {
+        /// The fundamental matrix and the matches that agree with it.
+        geometry: EpipolarGeometry,
+        /// The homographies under which disparity was searched.
+        rectification: Rectification,
+    },
     /// It has none; the geometry if the pair came that far.
-    Failed { failure: PairFailure, geometry: Option<EpipolarGeometry> },
+    Failed {
+        /// What went wrong.
+        failure: PairFailure,
+        /// The fundamental matrix; `None` if there is no estimate.
+        geometry: Option<EpipolarGeometry>,
+    },
 }
 
 /// A pair's result, in OpenCV's pixel coordinates.
 #[derive(Clone, Debug)]
 pub struct PairResult {
+    /// Azimuths of its two views.
     pub name: PairName,
     /// From left to right, degrees.
     pub angle_deg: f64,
+    /// Keypoints found in the left view.
     pub keypoints_left: usize,
+    /// Keypoints found in the right view.
     pub keypoints_right: usize,
+    /// All matches, agreeing or not.
     pub matches: Vec<MatchedPoints>,
     /// What a person did to the automatic matches.
     pub edit: Option<EditReport>,
+    /// Whether it went through, and with what.
     pub outcome: PairOutcome,
+    /// Every try at its geometry, in order.
     pub tries: Vec<TryReport>,
     /// The number of the try that went on.
     pub chosen_try: u32,
 }
 
 impl PairResult {
+    /// The estimated geometry; `None` if there is none.
     pub fn geometry(&self) -> Option<&EpipolarGeometry> {
         match &self.outcome {
             PairOutcome::Usable { geometry, .. } => Some(geometry),
@@ -73,6 +95,7 @@ impl PairResult {
         }
     }
 
+    /// The homographies of a usable pair; `None` if it failed.
     pub fn rectification(&self) -> Option<&Rectification> {
         match &self.outcome {
             PairOutcome::Usable { rectification, .. } => Some(rectification),
@@ -80,6 +103,7 @@ impl PairResult {
         }
     }
 
+    /// What went wrong; `None` if the pair is usable.
     pub fn failure(&self) -> Option<&PairFailure> {
         match &self.outcome {
             PairOutcome::Usable { .. } => None,

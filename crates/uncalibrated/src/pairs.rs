@@ -1,3 +1,5 @@
+//! Which neighbouring views are paired.
+
 use std::fmt;
 
 use serde::Serialize;
@@ -8,7 +10,9 @@ use sheet::Sheet;
 /// Two neighbouring views, by azimuth; `right` is ahead of `left`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PairName {
+    /// The view that the pair turns from.
     pub left: Azimuth,
+    /// Its neighbour, the next counter-clockwise.
     pub right: Azimuth,
 }
 
@@ -39,8 +43,11 @@ pub(super) struct PlannedPair {
 /// Neighbouring views too far apart to be paired.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct SkippedPair {
+    /// Azimuths of the two views.
     pub pair: PairName,
+    /// From left to right, degrees.
     pub angle_deg: f64,
+    /// The widest that is paired, degrees.
     pub max_pair_angle_deg: f64,
 }
 

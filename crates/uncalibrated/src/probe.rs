@@ -16,7 +16,9 @@ use sheet::View;
 /// A view's place in a pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
+    /// The view that the pair turns from.
     Left,
+    /// The view ahead of it.
     Right,
 }
 

@@ -19,9 +19,13 @@ const DISTORTION_SCALE: f64 = 0.1;
 pub struct FiveMetrics {
     /// Over the inliers.
     pub mean_sampson_px2: f64,
+    /// Of the fundamental matrix scaled to `F₃₃ = 1`; ideally 0.
     pub smallest_absolute_eigenvalue: f64,
+    /// Matches that the estimator rejected over all matches.
     pub outlier_ratio: f64,
+    /// Mean over both homographies of Eo's relative deviation from 90 degrees.
     pub orthogonality_deviation: f64,
+    /// Mean over both homographies of Ea's deviation from 1.
     pub aspect_ratio_deviation: f64,
 }
 

@@ -1,3 +1,5 @@
+//! The pipeline from a sheet to maps, clouds and the hull.
+
 use nalgebra::{Point3, Similarity3};
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -28,25 +30,45 @@ const BYTES_PER_PIXEL: u64 = 29;
 /// Why a sheet gave no reconstruction.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PipelineError {
+    /// Somebody asked to stop.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
+    /// The method needs more views.
     #[error("the sheet has {found} views; the method takes at least {required}")]
-    TooFewViews { found: usize, required: usize },
+    TooFewViews {
+        /// Views of the sheet.
+        found: usize,
+        /// The fewest that are taken.
+        required: usize,
+    },
+    /// The drawings are not all of one size.
     #[error(
         "view {azimuth} is {width_px}x{height_px} px, the first view {first_width_px}x{first_height_px}; make all views one size"
     )]
     SizesDiffer {
+        /// The view that differs from the first.
         azimuth: Azimuth,
+        /// Its width, px.
         width_px: u32,
+        /// Its height, px.
         height_px: u32,
+        /// Width of the first view, px.
         first_width_px: u32,
+        /// Height of the first view, px.
         first_height_px: u32,
     },
     /// One reason a pair.
     #[error("no pair of neighbouring views could be used: {}", reasons.join("; "))]
-    NoUsablePair { reasons: Vec<String> },
+    NoUsablePair {
+        /// What went wrong, each with the pair's name.
+        reasons: Vec<String>,
+    },
+    /// The operating system gave no threads.
     #[error("no worker threads: {reason}")]
-    NoThreads { reason: String },
+    NoThreads {
+        /// Its own message.
+        reason: String,
+    },
 }
 
 impl PipelineError {
@@ -65,7 +87,9 @@ impl PipelineError {
 /// What is known of one view in the end.
 #[derive(Clone, Debug)]
 pub struct ViewResult {
+    /// The view's azimuth.
     pub azimuth: Azimuth,
+    /// Keypoints found by the options as given; 0 if detection failed.
     pub keypoints: usize,
     /// px; the mean of both neighbours' maps; `None` without a usable pair.
     pub disparity: Option<FloatImage>,
@@ -87,8 +111,11 @@ impl ViewResult {
 pub struct Reconstruction {
     /// By rising azimuth.
     pub views: Vec<ViewResult>,
+    /// Neighbours that were worked on, failed ones too.
     pub pairs: Vec<PairResult>,
+    /// Neighbours too far apart to be worked on.
     pub skipped_pairs: Vec<SkippedPair>,
+    /// Which clouds were joined, and how.
     pub merged: Merged,
     /// How many points could be corners of the hull.
     pub hull_candidates: usize,
@@ -97,6 +124,7 @@ pub struct Reconstruction {
 }
 
 impl Reconstruction {
+    /// The pairs that have disparity maps.
     pub fn usable_pairs(&self) -> impl Iterator<Item = &PairResult> {
         self.pairs.iter().filter(|pair| pair.rectification().is_some())
     }

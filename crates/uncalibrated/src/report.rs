@@ -21,13 +21,17 @@ use picture::{FloatImage, ValueRange};
 /// One view in numbers.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ViewMetrics {
+    /// The view's azimuth, degrees in [0, 360).
     pub azimuth_deg: f64,
+    /// Keypoints found by the options as given.
     pub keypoints: usize,
     /// Share of pixels that have a disparity.
     pub disparity_coverage: f64,
+    /// Smallest and largest disparity, px; `None` without any.
     pub disparity_range_px: Option<ValueRange>,
     /// Share of pixels that have a depth.
     pub depth_coverage: f64,
+    /// Smallest and largest depth, px; `None` without any.
     pub depth_range_px: Option<ValueRange>,
     /// Whether its cloud is part of the merged cloud.
     pub merged: bool,
@@ -67,29 +71,42 @@ impl EpipolarErrors {
 /// One pair in numbers: the five metrics of Arys 2020, §3.4, §3.5.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PairMetrics {
+    /// Azimuths of its two views.
     pub pair: PairName,
+    /// From left to right, degrees.
     pub angle_deg: f64,
+    /// Whether it has disparity maps.
     pub usable: bool,
+    /// What went wrong; `None` if it is usable.
     pub failure: Option<PairFailure>,
+    /// The same for people.
     pub failure_detail: Option<String>,
+    /// Keypoints found in the left view.
     pub keypoints_left: usize,
+    /// Keypoints found in the right view.
     pub keypoints_right: usize,
+    /// All matches, agreeing or not.
     pub matches: usize,
     /// What was done to the automatic matches, if a person corrected them.
     pub corrected_matches: Option<EditReport>,
+    /// Matches that agree with the fundamental matrix.
     pub inliers: usize,
     /// Matches that the estimator rejected over all matches.
     pub outlier_ratio: Option<f64>,
     /// The estimator that ran.
     pub estimator: Option<EstimatorRun>,
+    /// Sampson distance over all matches; `None` without an estimate.
     pub mean_sampson_all: Option<MeanSquare>,
+    /// Sampson distance over the inliers alone.
     pub mean_sampson_inliers: Option<MeanSquare>,
     /// Squared distances of both points to their epipolar lines, summed.
     pub symmetric_epipolar_all: Option<MeanSquare>,
+    /// The same over the inliers alone.
     pub symmetric_epipolar_inliers: Option<MeanSquare>,
     /// Squared distances of both points to the nearest pair that agrees
     /// exactly, summed (Hartley & Sturm 1997).
     pub reprojection_all: Option<MeanSquare>,
+    /// The same over the inliers alone.
     pub reprojection_inliers: Option<MeanSquare>,
     /// Root mean square distance of right points from where the best homography
     /// moves the left ones, px: near 0 when the inliers all lie in one plane,
@@ -103,7 +120,9 @@ pub struct PairMetrics {
     pub fundamental: Option<[[f64; 3]; 3]>,
     /// Rows of the homography, sheet frame to rectified frame.
     pub rectified_from_left: Option<[[f64; 3]; 3]>,
+    /// The same for the right view.
     pub rectified_from_right: Option<[[f64; 3]; 3]>,
+    /// Every try at its geometry, in order.
     pub tries: Vec<TryReport>,
     /// The number of the try that went on.
     pub chosen_try: u32,
@@ -112,14 +131,23 @@ pub struct PairMetrics {
 /// Means over the usable pairs.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MeanMetrics {
+    /// How many pairs are usable; each mean is over those that have the figure.
     pub pairs: usize,
+    /// Sampson distance over the inliers, px².
     pub mean_sampson_inliers_px2: Option<f64>,
+    /// Sampson distance over all matches, px².
     pub mean_sampson_all_px2: Option<f64>,
+    /// Symmetric epipolar distance over the inliers, px².
     pub symmetric_epipolar_inliers_px2: Option<f64>,
+    /// Reprojection error over the inliers, px².
     pub reprojection_inliers_px2: Option<f64>,
+    /// Of the fundamental matrices; ideally 0.
     pub smallest_absolute_eigenvalue: Option<f64>,
+    /// Matches that the estimator rejected over all matches.
     pub outlier_ratio: Option<f64>,
+    /// Eo's relative deviation from 90 degrees.
     pub orthogonality_deviation: Option<f64>,
+    /// Ea's deviation from 1.
     pub aspect_ratio_deviation: Option<f64>,
 }
 
@@ -128,8 +156,11 @@ pub struct MeanMetrics {
 pub struct HullReport {
     /// Cloud points that could be corners.
     pub candidates: usize,
+    /// Corners of the hull; 0 without one.
     pub vertices: usize,
+    /// Faces of the hull; 0 without one.
     pub triangles: usize,
+    /// Volume, px³; `None` without a hull.
     pub volume_px3: Option<f64>,
     /// Why there is no hull.
     pub failure: Option<String>,
@@ -138,12 +169,19 @@ pub struct HullReport {
 /// The whole reconstruction in numbers.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Metrics {
+    /// By rising azimuth.
     pub views: Vec<ViewMetrics>,
+    /// Neighbours that were worked on, failed ones too.
     pub pairs: Vec<PairMetrics>,
+    /// Neighbours too far apart to be worked on.
     pub skipped_pairs: Vec<SkippedPair>,
+    /// The pairs' figures in the mean.
     pub mean_of_usable_pairs: MeanMetrics,
+    /// How neighbouring clouds were joined.
     pub merge_links: Vec<MergeLink>,
+    /// The convex hull of the merged cloud.
     pub hull: HullReport,
+    /// What a person should look at, in sentences.
     pub warnings: Vec<String>,
 }
 

@@ -12,7 +12,9 @@ use picture::FloatImage;
 /// Values tried, each with each.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct DisparityGrid {
+    /// The smallest disparity searched, px.
     pub min_disparities_px: Vec<i32>,
+    /// Side of the matched window, px, odd.
     pub block_sizes: Vec<i32>,
 }
 
@@ -52,7 +54,9 @@ impl Default for DisparityGrid {
 /// One point of the grid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DisparityTry<M> {
+    /// The smallest disparity searched, px.
     pub min_disparity_px: i32,
+    /// Side of the matched window, px.
     pub block_size: i32,
     /// What `measure` said.
     pub measured: M,

@@ -1,3 +1,5 @@
+//! Reports progress of the pipeline's stages.
+
 use std::sync::{Mutex, PoisonError};
 
 use progress::{Cancelled, Observer, Progress, Stage};

@@ -1,3 +1,5 @@
+//! How the parameters of repeated tries vary, and their random streams.
+
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 

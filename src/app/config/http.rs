@@ -1,3 +1,5 @@
+//! Settings of where and how the service listens.
+
 use std::net::SocketAddr;
 
 use clap::Args;

@@ -1,3 +1,5 @@
+//! Settings of what an upload may cost.
+
 use clap::Args;
 use serde::{Deserialize, Serialize};
 

@@ -1,3 +1,5 @@
+//! Settings of the log.
+
 use clap::{Args, ValueEnum};
 use serde::{Deserialize, Serialize};
 

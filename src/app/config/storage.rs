@@ -1,3 +1,5 @@
+//! Settings of where jobs and bytes are kept.
+
 use std::path::PathBuf;
 
 use clap::Args;

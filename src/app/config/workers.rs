@@ -1,3 +1,5 @@
+//! Settings of the worker pool.
+
 use clap::Args;
 use serde::{Deserialize, Serialize};
 

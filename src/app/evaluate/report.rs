@@ -1,3 +1,5 @@
+//! What `evaluate` writes: tables of all trials and their means.
+
 use std::fmt::Write;
 
 use serde::Serialize;

@@ -1,3 +1,5 @@
+//! The view sets and option variants that `evaluate` tries.
+
 use serde_json::{Value, json};
 
 /// Views that a studio might draw.

@@ -1,3 +1,5 @@
+//! One view set of one sheet, reconstructed and measured.
+
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Instant;

@@ -1,10 +1,15 @@
+//! Every kind of problem that the service answers with.
+
 use axum::http::StatusCode;
 
 /// A kind of problem, served as a page at `/problems/{name}`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ProblemType {
+    /// Stable name in the type's URI, such as `not-an-image`.
     pub name: &'static str,
+    /// HTTP status of the answer.
     pub status: StatusCode,
+    /// What it is, in one line.
     pub title: &'static str,
     /// What it means and how to mend it, for the page.
     pub about: &'static str,

@@ -70,6 +70,7 @@ pub struct ProblemDocument {
 }
 
 impl Problem {
+    /// A problem of this kind; `detail` says what happened, where, and how to mend it.
     pub fn new(kind: ProblemType, detail: impl Into<String>) -> Self {
         Self(Box::new(Contents {
             kind,
@@ -93,6 +94,7 @@ impl Problem {
         self
     }
 
+    /// Sets a header of the answer, such as `Retry-After`.
     pub fn header(mut self, name: HeaderName, value: impl Into<HeaderValue>) -> Self {
         self.0.headers.insert(name, value.into());
         self

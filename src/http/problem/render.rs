@@ -1,3 +1,5 @@
+//! Error answers as problem details (RFC 9457), the framework's own too.
+
 use std::any::Any;
 
 use axum::body::{self, Body};

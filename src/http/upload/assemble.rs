@@ -1,3 +1,5 @@
+//! Fits the parts of an upload together to a sheet.
+
 use std::collections::BTreeMap;
 
 use bytes::Bytes;

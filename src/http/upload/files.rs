@@ -1,3 +1,5 @@
+//! The files beside an uploaded sheet document, found by their names.
+
 use super::assemble::Picture;
 use super::parts::FilePart;
 use crate::http::problem::{INVALID_SHEET, MISSING_FILE, Problem, UNKNOWN_PART};

@@ -1,3 +1,5 @@
+//! A request body as it comes in, held to its limits.
+
 use std::error::Error;
 use std::pin::Pin;
 use std::sync::Arc;

@@ -1,3 +1,5 @@
+//! The parts `matches` of an upload: matches that a person corrected.
+
 use serde_json::Value;
 
 use crate::draft::options::Options;

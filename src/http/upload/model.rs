@@ -1,3 +1,5 @@
+//! Reads the parts of an upload of a model.
+
 use bytes::Bytes;
 use multer::Field;
 use serde_json::{Map, Value};

@@ -1,3 +1,5 @@
+//! The options of an upload.
+
 use multer::Field;
 use serde_json::Value;
 

@@ -1,3 +1,5 @@
+//! Reads the parts of an upload of drawings.
+
 use bytes::{Bytes, BytesMut};
 use multer::{Field, Multipart};
 use serde_json::Value;

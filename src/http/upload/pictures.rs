@@ -1,3 +1,5 @@
+//! Decodes uploaded pictures, a few at once, to check them.
+
 use std::sync::Arc;
 
 use bytes::Bytes;

@@ -1,3 +1,5 @@
+//! A job that runs again on the views of an earlier one.
+
 use serde_json::Value;
 
 use super::assemble::{check, parse_options};

@@ -1,3 +1,5 @@
+//! The work of jobs that draw a sheet.
+
 use std::fmt::Display;
 use std::io;
 use std::thread;

@@ -1,3 +1,5 @@
+//! The work of jobs that reconstruct a sheet.
+
 use serde::Deserialize;
 
 use super::failure;

@@ -1,3 +1,5 @@
+//! Stores artifacts as those of a job's attempt.
+
 use std::io;
 
 use crate::worker::{Attempt, Upload};

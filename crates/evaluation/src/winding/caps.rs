@@ -1,3 +1,5 @@
+//! Closes a mesh that has open edges.
+
 use std::collections::HashMap;
 
 use super::frame::Vertex;

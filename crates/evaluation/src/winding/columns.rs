@@ -1,3 +1,5 @@
+//! Counts where vertical lines cross a mesh, exactly.
+
 use super::frame::{HALF_RANGE, Vertex};
 
 /// Bins hold about this many triangles a side of the binning grid squared.

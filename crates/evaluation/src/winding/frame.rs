@@ -1,3 +1,5 @@
+//! A mesh on an integer grid, on which orientation tests are exact.
+
 use nalgebra::Point3;
 
 use mesh::Mesh;

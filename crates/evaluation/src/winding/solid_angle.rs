@@ -1,3 +1,5 @@
+//! Winding numbers as sums of solid angles, far triangles by their dipole.
+
 use std::f64::consts::PI;
 
 use nalgebra::{Point3, Vector3};

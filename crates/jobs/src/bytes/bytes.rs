@@ -1,3 +1,5 @@
+//! Inputs and artifacts as bytes in an object store, read and written in parts.
+
 use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io;
@@ -19,6 +21,7 @@ use crate::JobId;
 /// Why bytes could not be stored or fetched.
 #[derive(Debug, thiserror::Error)]
 pub enum ByteError {
+    /// The name cannot be stored.
     #[error(transparent)]
     Name(#[from] InvalidName),
     /// Nothing is stored under this path.
@@ -26,7 +29,13 @@ pub enum ByteError {
     NotFound(String),
     /// The range lies outside of the object.
     #[error("bytes {}..{} lie outside of the stored {size}", .wanted.start, .wanted.end)]
-    Range { wanted: Range<u64>, size: u64 },
+    Range {
+        /// The bytes asked for, the end left out.
+        wanted: Range<u64>,
+        /// Size of the stored object, bytes.
+        size: u64,
+    },
+    /// The storage behind it failed.
     #[error("byte store: {0}")]
     Backend(#[source] Box<dyn std::error::Error + Send + Sync>),
 }
@@ -55,6 +64,7 @@ pub struct ByteRange {
     pub size: u64,
     /// The part of it that `chunks` delivers.
     pub range: Range<u64>,
+    /// The bytes in order, piece by piece.
     pub chunks: BoxStream<'static, Result<Bytes, ByteError>>,
 }
 

@@ -1,3 +1,5 @@
+//! The paths of inputs and artifacts, made from names that are not trusted.
+
 use object_store::path::{Path, PathPart};
 
 use crate::JobId;
@@ -15,16 +17,30 @@ pub(super) const ARTIFACTS: &str = "artifacts";
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Key<'a> {
     /// An uploaded file of a job.
-    Input { job: JobId, name: &'a str },
+    Input {
+        /// The job it was uploaded for.
+        job: JobId,
+        /// Its name among the job's inputs.
+        name: &'a str,
+    },
     /// An artifact that one attempt of a job wrote.
-    Artifact { job: JobId, attempt: u32, name: &'a str },
+    Artifact {
+        /// The job that made it.
+        job: JobId,
+        /// The attempt that wrote it, from 1.
+        attempt: u32,
+        /// Its name among the attempt's artifacts.
+        name: &'a str,
+    },
 }
 
 /// Why a name can't be stored.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{name:?} can't be stored under this name: {reason}")]
 pub struct InvalidName {
+    /// The name that was refused.
     pub name: String,
+    /// What is wrong with it, as the end of a sentence.
     pub reason: &'static str,
 }
 

@@ -1,3 +1,5 @@
+//! The job queue's methods on SQLite, one transaction each.
+
 use std::time::Duration;
 
 use async_trait::async_trait;

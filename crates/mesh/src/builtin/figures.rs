@@ -1,3 +1,5 @@
+//! Built-in models put together from primitives.
+
 use nalgebra::Point3;
 
 use super::primitives::{cone, cuboid, cylinder, lathe, uv_sphere};

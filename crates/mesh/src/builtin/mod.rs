@@ -41,6 +41,7 @@ pub enum ProceduralModel {
 }
 
 impl ProceduralModel {
+    /// Every built-in model.
     pub const ALL: [Self; 9] = [
         Self::Cube,
         Self::Cone,
@@ -68,10 +69,12 @@ impl ProceduralModel {
         }
     }
 
+    /// The model of this [`name`](Self::name); `None` if there is none.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|model| model.name() == name)
     }
 
+    /// Makes the model; it fits the frame of the default options at every azimuth.
     pub fn build(self) -> Model {
         match self {
             Self::Cube => cuboid([2.6, 2.6, 2.6]),

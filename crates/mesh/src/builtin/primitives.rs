@@ -1,3 +1,5 @@
+//! Boxes, spheres, cones and the like, and how models are moved and joined.
+
 use std::f64::consts::{PI, TAU};
 
 use nalgebra::{Matrix3, Point3, Rotation3, Vector3};

@@ -1,3 +1,5 @@
+//! Tests of the built-in models: closed, outward, of known volume and size.
+
 use super::*;
 use crate::Mesh;
 

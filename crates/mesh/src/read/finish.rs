@@ -1,3 +1,5 @@
+//! From a format's raw triangles to a checked model in the model frame.
+
 use std::collections::HashMap;
 
 use nalgebra::{Point3, Vector3};

@@ -1,10 +1,15 @@
+//! How large a model file may be.
+
 use super::ModelError;
 
 /// How large a model may be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
+    /// Size of the file, bytes.
     pub max_bytes: usize,
+    /// Vertices that a file may promise.
     pub max_vertices: usize,
+    /// Triangles that a file may promise.
     pub max_triangles: usize,
 }
 

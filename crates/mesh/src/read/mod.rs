@@ -28,6 +28,7 @@ pub use limits::Limits;
 /// A 3D model: Z up, front towards -Y, in its own unit.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Model {
+    /// Vertices and triangles, in the model frame.
     pub mesh: Mesh,
     /// Material of each triangle: equal numbers, equal materials.
     pub materials: Vec<u32>,

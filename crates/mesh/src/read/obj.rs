@@ -1,3 +1,5 @@
+//! Wavefront OBJ.
+
 use std::collections::HashMap;
 use std::io::{BufRead, Cursor, Read as _};
 

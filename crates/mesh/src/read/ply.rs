@@ -1,3 +1,5 @@
+//! PLY, ASCII or binary.
+
 use std::io::Cursor;
 
 use nalgebra::Vector3;

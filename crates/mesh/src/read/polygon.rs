@@ -1,3 +1,5 @@
+//! Polygons cut into triangles by ear clipping.
+
 use earcut::Earcut;
 use earcut::utils3d::project3d_to_2d;
 use nalgebra::Vector3;

@@ -1,3 +1,5 @@
+//! STL, ASCII or binary.
+
 use std::io::Cursor;
 
 use nalgebra::Vector3;

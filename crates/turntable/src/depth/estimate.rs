@@ -1,3 +1,5 @@
+//! The depth of each view from its lines, and whether they tell enough.
+
 use image::{GrayImage, ImageBuffer, Luma};
 use rayon::prelude::*;
 
@@ -28,12 +30,18 @@ pub enum Fallback {
         nearest_deg: f64,
     },
     /// Views are near, but hardly a line could be matched between them.
-    TooFewLines { matched: usize, required: usize },
+    TooFewLines {
+        /// Crossings of the view's lines with rows whose depth is known.
+        matched: usize,
+        /// The fewest that are relied on.
+        required: usize,
+    },
 }
 
 /// What the lines of one view tell.
 #[derive(Clone, Debug)]
 pub struct LineEstimate {
+    /// The view's azimuth.
     pub azimuth: Azimuth,
     /// The share of the crossings of lines with rows whose depth is known.
     pub matched_share: f64,
@@ -54,10 +62,13 @@ pub enum DepthSource {
 /// The depth of one view.
 #[derive(Clone, Debug)]
 pub struct ViewDepth {
+    /// The view's azimuth.
     pub azimuth: Azimuth,
+    /// Depth of each pixel, px.
     pub map: DepthMap,
     /// The share of the crossings of lines with rows whose depth is known.
     pub matched_share: f64,
+    /// What the map was read from.
     pub source: DepthSource,
     /// Why the view's own lines tell nothing.
     pub fallback: Option<Fallback>,
@@ -82,8 +93,15 @@ const STEPS: usize = 3;
 /// Why no depth maps were made.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum DepthError {
+    /// There is not one silhouette for each view.
     #[error("{silhouettes} silhouettes were given for {views} views")]
-    SilhouettesDiffer { silhouettes: usize, views: usize },
+    SilhouettesDiffer {
+        /// How many silhouettes were given.
+        silhouettes: usize,
+        /// How many views there are.
+        views: usize,
+    },
+    /// Somebody asked to stop.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
 }

@@ -1,3 +1,5 @@
+//! Surface normals from a depth map.
+
 use image::{ImageBuffer, Luma, Rgb};
 
 /// Surface normals from a depth map in the view's own frame.

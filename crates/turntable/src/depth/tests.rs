@@ -1,3 +1,5 @@
+//! Tests of depth from lines, on solids whose drawings and depth are known exactly.
+
 use std::sync::Mutex;
 
 use image::{GrayImage, Luma};

@@ -33,12 +33,14 @@ const MAX_LOSS: f64 = 0.005;
 /// What was found about one view.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct ViewRegistration {
+    /// The view's azimuth.
     #[serde(skip)]
     pub azimuth: Azimuth,
     /// The drawing's size relative to the others'; 1 if it agrees.
     pub scale: f64,
     /// How far the drawing is off to the right and downward, px; 0 if it agrees.
     pub shift_x_px: f64,
+    /// Downward, px.
     pub shift_y_px: f64,
     /// The share of rows in which this view fits its neighbours, after the
     /// correction, 0 to 1.

@@ -1,3 +1,5 @@
+//! A silhouette's outermost columns, row by row.
+
 use super::ViewRegistration;
 use crate::silhouette::Silhouette;
 use crate::views::ViewSet;

@@ -1,3 +1,5 @@
+//! Tests of registration: views that are off are found and put back, others left alone.
+
 use super::*;
 use crate::silhouette::SilhouetteOptions;
 

@@ -1,3 +1,5 @@
+//! How wide the stroke is that draws a silhouette's border.
+
 use image::GrayImage;
 
 use crate::ink::{INK_THRESHOLD, InkMap};

@@ -1,3 +1,5 @@
+//! Fills an outline: what paper connected to the picture's border does not reach.
+
 use image::GrayImage;
 
 use super::SilhouetteSource;

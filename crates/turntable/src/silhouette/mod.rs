@@ -50,12 +50,24 @@ pub struct Silhouette {
 /// A view in which nothing is drawn.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SilhouetteError {
+    /// Hardly anything is drawn.
     #[error(
         "the silhouette of view {azimuth} covers {found_px} px, at least {required_px} are required"
     )]
-    TooSmall { azimuth: Azimuth, found_px: usize, required_px: usize },
+    TooSmall {
+        /// Which view.
+        azimuth: Azimuth,
+        /// Area of its silhouette, pixels.
+        found_px: usize,
+        /// The smallest area that counts as a drawing, pixels.
+        required_px: usize,
+    },
+    /// The silhouette has no outside.
     #[error("the silhouette of view {azimuth} covers the whole image: no paper is left around it")]
-    CoversImage { azimuth: Azimuth },
+    CoversImage {
+        /// Which view.
+        azimuth: Azimuth,
+    },
 }
 
 /// The smallest area that counts as a drawing, px.
@@ -154,6 +166,7 @@ impl Silhouette {
         }
     }
 
+    /// The view's azimuth.
     pub fn azimuth(&self) -> Azimuth {
         self.azimuth
     }
@@ -164,6 +177,7 @@ impl Silhouette {
         &self.mask
     }
 
+    /// What the mask was made from.
     pub fn source(&self) -> SilhouetteSource {
         self.source
     }
@@ -195,6 +209,7 @@ impl Silhouette {
         }
     }
 
+    /// Pixels inside.
     pub fn area_px(&self) -> usize {
         self.mask.as_raw().iter().filter(|&&level| level != 0).count()
     }
@@ -204,7 +219,9 @@ impl Silhouette {
 /// opposite azimuths agree.
 #[derive(Clone, Debug)]
 pub struct Silhouettes {
+    /// One a view, in the set's order.
     pub silhouettes: Vec<Silhouette>,
+    /// The pairs of opposite views, and whether each was joined.
     pub opposites: Vec<OppositePair>,
 }
 

@@ -1,3 +1,5 @@
+//! Views from opposite sides, whose silhouettes are mirror images.
+
 use image::{GrayImage, imageops};
 
 use super::{Silhouette, SilhouetteSource};

@@ -1,3 +1,5 @@
+//! Tests of silhouettes: outlines with gaps, masks, opposite views.
+
 use image::{GrayImage, Luma};
 
 use super::*;

@@ -49,6 +49,7 @@ pub struct Solid {
     pub creases: Vec<[u32; 2]>,
     /// What each vertex of `mesh` rests on.
     pub support: Vec<Support>,
+    /// How it was found.
     pub report: SolidReport,
 }
 
@@ -57,12 +58,15 @@ pub struct Solid {
 pub struct SolidReport {
     /// Directions that bound the solid, after joining opposite views.
     pub directions: usize,
+    /// The plane that views were mirrored at; `None` if none were.
     pub mirror_plane: Option<MirrorPlane>,
+    /// Holes through the subject that were carved.
     pub holes: Vec<Hole>,
     /// Views, drawn or mirrored, whose depths carved the solid.
     pub carving_views: usize,
     /// Slices through the solid and the distance between them, px.
     pub slices: usize,
+    /// From slice to slice.
     pub pitch_px: f64,
     /// Parts that no outline needs and no line shows.
     pub ghosts: usize,
@@ -70,29 +74,43 @@ pub struct SolidReport {
     pub parts: usize,
     /// Corners of slices that are sharp, and all.
     pub sharp_corners: usize,
+    /// Corners of all slices.
     pub corners: usize,
+    /// Separate pieces of the surface, kept and dropped.
     pub pieces: components::Pieces,
     /// Triangles of the surface as it was found, and in the end.
     pub full_faces: usize,
+    /// In the end, after decimation.
     pub faces: usize,
 }
 
 /// The depths of one view.
 #[derive(Clone, Copy, Debug)]
 pub struct ViewDepthMap<'a> {
+    /// The view's azimuth.
     pub azimuth: Azimuth,
+    /// Depth of each pixel, px.
     pub map: &'a DepthMap,
 }
 
 /// Why there is no solid.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SolidError {
+    /// All views look along one line, so that nothing bounds the depth.
     #[error("the views look along {found} direction, {required} are required")]
-    TooFewDirections { found: usize, required: usize },
+    TooFewDirections {
+        /// Directions that differ, opposite ones taken as one.
+        found: usize,
+        /// The fewest that bound a solid.
+        required: usize,
+    },
+    /// No height is covered by every silhouette.
     #[error("the silhouettes have no row in common")]
     NoCommonRow,
+    /// The visual hull is empty.
     #[error("the silhouettes contradict each other everywhere: nothing is inside all of them")]
     Empty,
+    /// Somebody asked to stop.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
 }
@@ -100,11 +118,13 @@ pub enum SolidError {
 /// What a solid is built from.
 #[derive(Clone, Copy)]
 pub struct SolidInput<'a> {
+    /// The views that bound it, moved to agree.
     pub views: &'a ViewSet<'a>,
     /// Those of `views`, in their order.
     pub silhouettes: &'a Silhouettes,
     /// Of some of the views, or none.
     pub depth_maps: &'a [ViewDepthMap<'a>],
+    /// Points that somebody marked as holes; may be empty.
     pub hole_hints: &'a [HoleHint],
 }
 

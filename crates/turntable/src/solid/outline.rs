@@ -1,3 +1,5 @@
+//! Silhouettes as column intervals, one list per slice of the solid.
+
 use nalgebra::{Point2, Vector2};
 
 use crate::raster::runs;

@@ -14,14 +14,17 @@ pub struct Lattice {
 }
 
 impl Lattice {
+    /// X of the nodes with first index `i`, px.
     pub fn x(&self, i: usize) -> f64 {
         self.origin.x + i as f64 * self.pitch_px
     }
 
+    /// Y of the nodes with second index `j`, px.
     pub fn y(&self, j: usize) -> f64 {
         self.origin.y + j as f64 * self.pitch_px
     }
 
+    /// Height of slice `k`, px.
     pub fn z(&self, k: usize) -> f64 {
         self.origin.z + k as f64 * self.pitch_px
     }
@@ -46,7 +49,9 @@ impl Lattice {
 /// truncated; a window of the lattice beyond which everything is outside.
 #[derive(Clone, Debug, Default)]
 pub struct Plane {
+    /// Column and row of the lattice where the window begins.
     pub first: [usize; 2],
+    /// Columns and rows of the window; 0 where nothing is inside.
     pub size: [usize; 2],
     /// Row by row, X fastest.
     pub values: Vec<f32>,
@@ -197,7 +202,9 @@ fn lower_row(squared: &mut [f32], first: Vector2<f32>, pitch_px: f32, along: Vec
 /// A plane per slice, bottom to top.
 #[derive(Clone, Debug)]
 pub struct Field {
+    /// Where the nodes are.
     pub lattice: Lattice,
+    /// One a slice.
     pub planes: Vec<Plane>,
 }
 

@@ -37,6 +37,7 @@ impl Occupancy {
         occupancy
     }
 
+    /// All outside, with `nodes` along X, Y and Z.
     pub fn empty(nodes: [usize; 3]) -> Self {
         let words_per_row = (nodes[0] + 2).div_ceil(64);
         Self {
@@ -55,6 +56,7 @@ impl Occupancy {
         (k * (self.nodes[1] + 2) + j) * self.words_per_row
     }
 
+    /// Whether a node is inside.
     pub fn get(&self, [i, j, k]: [usize; 3]) -> bool {
         self.bits[self.row_start(j, k) + i / 64] >> (i % 64) & 1 != 0
     }
@@ -83,6 +85,7 @@ impl Occupancy {
         })
     }
 
+    /// Puts a node inside.
     pub fn set(&mut self, [i, j, k]: [usize; 3]) {
         let word = self.row_start(j, k) + i / 64;
         self.bits[word] |= 1 << (i % 64);

@@ -11,10 +11,15 @@ use mesh::topology::HalfEdges;
 /// The drawings as a camera rig: all of one size, level, orthographic.
 #[derive(Clone, Debug)]
 pub struct Rig {
+    /// One a view, ascending.
     pub azimuths: Vec<Azimuth>,
+    /// Of every drawing, px.
     pub width: u32,
+    /// Of every drawing, px.
     pub height: u32,
+    /// The turntable axis' column, px, sheet frame.
     pub axis_px: f64,
+    /// The row of the turntable frame's origin, px, sheet frame.
     pub origin_row_px: f64,
 }
 

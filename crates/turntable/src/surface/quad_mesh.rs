@@ -9,10 +9,12 @@ use crate::surface::field::Field;
 /// A mesh of quads, counter-clockwise seen from outside.
 #[derive(Clone, Debug, Default)]
 pub struct QuadMesh {
+    /// The vertices, turntable frame, px.
     pub positions: Vec<Point3<f64>>,
     /// Per vertex, the cell that it lies in, by its low corner's index in an
     /// [`Occupancy`]; ascending along Z, then Y, then X.
     pub cells: Vec<[u16; 3]>,
+    /// Indices of each quad's vertices.
     pub quads: Vec<[u32; 4]>,
     /// Per layer of cells, its first vertex; last, the number of vertices.
     pub layer_vertices: Vec<usize>,

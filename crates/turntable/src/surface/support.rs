@@ -26,6 +26,7 @@ const DEPTH_REACH_PX: f64 = 4.0;
 
 /// What one view knows.
 pub struct Witness<'a> {
+    /// What the view says is the subject.
     pub silhouette: &'a Silhouette,
     /// Per pixel, whether there is ink within two columns and one row.
     pub near_ink: &'a [bool],

@@ -43,6 +43,7 @@ pub enum PreFilter {
 /// The disparity map of each rectified pair (Arys 2020, §2.2.6, table 4.5).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
+#[expect(missing_docs, reason = "the schema describes it")]
 pub struct DisparityOptions {
     pub algorithm: DisparityAlgorithm,
     pub mode: SgbmMode,

@@ -40,6 +40,7 @@ pub enum Descriptor {
 /// Every detector goes with every descriptor, but SIFT's points with ORB's.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
+#[expect(missing_docs, reason = "the schema describes it")]
 pub struct DetectionOptions {
     pub detector: Detector,
     pub descriptor: Descriptor,
@@ -277,6 +278,7 @@ impl Default for FlannOptions {
 /// How descriptors become matches (Arys 2020, §2.2.3, §3.3).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
+#[expect(missing_docs, reason = "the schema describes it")]
 pub struct MatchingOptions {
     pub matcher: Matcher,
     pub flann: FlannOptions,

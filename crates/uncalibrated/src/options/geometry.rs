@@ -83,6 +83,7 @@ pub enum CoplanarPairs {
 /// The fundamental matrix of each pair (Arys 2020, §2.2.4, §3.4).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
+#[expect(missing_docs, reason = "the schema describes it")]
 pub struct EpipolarOptions {
     pub estimator: Estimator,
     /// RANSAC's inlier threshold: distance to the epipolar line, px; not used
@@ -150,6 +151,7 @@ pub enum CloudSource {
 /// Each view's point cloud (Arys 2020, §3.7).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
+#[expect(missing_docs, reason = "the schema describes it")]
 pub struct CloudOptions {
     pub source: CloudSource,
     pub depth: DepthRelation,

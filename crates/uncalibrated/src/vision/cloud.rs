@@ -1,3 +1,5 @@
+//! Depth from disparity, and points from depth.
+
 use nalgebra::{Point3, Vector3};
 
 use picture::FloatImage;
@@ -59,6 +61,7 @@ pub struct ViewCloud<'a> {
 }
 
 impl<'a> ViewCloud<'a> {
+    /// The cloud of a depth map, px, growing away from the camera; NaN where there is none.
     pub fn new(depth: &'a FloatImage) -> Self {
         Self { depth }
     }

@@ -1,3 +1,5 @@
+//! One map of a view from the maps of its two pairs.
+
 use picture::FloatImage;
 
 /// The mean of two maps of one view; where one has nothing, the other.

@@ -1,3 +1,5 @@
+//! Disparity at matched keypoints alone.
+
 use image::Luma;
 use nalgebra::Point2;
 

@@ -14,6 +14,7 @@ use picture::FloatImage;
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, thiserror::Error)]
 #[error("OpenCV: {message}")]
 pub struct OpenCvError {
+    /// OpenCV's own text.
     pub message: String,
 }
 

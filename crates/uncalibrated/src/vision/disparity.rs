@@ -1,3 +1,5 @@
+//! Disparity maps of a rectified pair, by semi-global or block matching.
+
 use image::GrayImage;
 use nalgebra::Matrix3;
 use opencv::calib3d::{
@@ -24,12 +26,29 @@ const BLOCK_MATCHING_MIN: i32 = 5;
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, thiserror::Error)]
 #[serde(tag = "code", rename_all = "snake_case")]
 pub enum DisparityError {
+    /// The two rectified views are not of one size.
     #[error("the rectified views are {left:?} and {right:?} px; they must be alike")]
-    SizesDiffer { left: (u32, u32), right: (u32, u32) },
+    SizesDiffer {
+        /// Width and height of the left one, px.
+        left: (u32, u32),
+        /// Width and height of the right one, px.
+        right: (u32, u32),
+    },
+    /// No pixel has room for its block and all disparities.
     #[error(
         "views of {width_px} px are too narrow for disparities of {min_px} to {max_px} px and blocks of {block_size} px"
     )]
-    TooNarrow { width_px: u32, min_px: i32, max_px: i32, block_size: i32 },
+    TooNarrow {
+        /// Width of both views, px.
+        width_px: u32,
+        /// The smallest disparity searched, px.
+        min_px: i32,
+        /// The largest disparity searched, px.
+        max_px: i32,
+        /// Side of the matched window, px.
+        block_size: i32,
+    },
+    /// OpenCV refused a call.
     #[error(transparent)]
     OpenCv(#[from] OpenCvError),
 }

@@ -1,3 +1,5 @@
+//! The fundamental matrix of a pair, and the cases that leave it open.
+
 use nalgebra::{Matrix2, Matrix3, Point2, Vector2};
 use opencv::calib3d::{self, FM_8POINT, FM_LMEDS, FM_RANSAC};
 use opencv::core::{Mat, MatTraitConst, MatTraitConstManual};
@@ -42,6 +44,7 @@ pub struct EpipolarGeometry {
     pub fundamental: Matrix3<f64>,
     /// One flag a correspondence.
     pub inliers: Vec<bool>,
+    /// The estimator that ran.
     pub estimator: EstimatorRun,
     /// How well one plane explains the agreeing correspondences: root mean
     /// square distance of right points from where the best homography moves the
@@ -65,6 +68,7 @@ impl EpipolarGeometry {
         flagged.filter(|(_, inlier)| **inlier).map(|(found, _)| *found)
     }
 
+    /// How many correspondences agree.
     pub fn inlier_count(&self) -> usize {
         self.inliers.iter().filter(|&&inlier| inlier).count()
     }
@@ -74,18 +78,47 @@ impl EpipolarGeometry {
 #[derive(Clone, Debug, PartialEq, Serialize, thiserror::Error)]
 #[serde(tag = "code", rename_all = "snake_case")]
 pub enum EpipolarError {
+    /// Too few matches, or too few that agree, to check an estimate by.
     #[error("{found} matches; at least {required} are needed")]
-    TooFewCorrespondences { found: usize, required: usize },
+    TooFewCorrespondences {
+        /// How many there are.
+        found: usize,
+        /// The fewest that are taken.
+        required: usize,
+    },
+    /// The matches lie on one line, which determines no geometry.
     #[error("all {found} matches lie on one line of a view, within {spread_px:.2} px")]
-    Collinear { found: usize, spread_px: f64 },
+    Collinear {
+        /// How many there are.
+        found: usize,
+        /// Root mean square distance from that line, px.
+        spread_px: f64,
+    },
+    /// The matches fit one plane, which leaves the geometry open.
     #[error(
         "all {found} agreeing matches fit one plane, within {spread_px:.2} px, which leaves the epipolar geometry open"
     )]
-    Coplanar { found: usize, spread_px: f64 },
+    Coplanar {
+        /// How many there are.
+        found: usize,
+        /// Root mean square distance from the best homography, px.
+        spread_px: f64,
+    },
+    /// The estimator found nothing.
     #[error("no fundamental matrix fits the {found} matches")]
-    NoEstimate { found: usize },
+    NoEstimate {
+        /// How many matches it was given.
+        found: usize,
+    },
+    /// Half of the matches or more contradict the estimate.
     #[error("only {inliers} of {found} matches agree; robust estimates need more than half")]
-    MostlyOutliers { inliers: usize, found: usize },
+    MostlyOutliers {
+        /// How many agree.
+        inliers: usize,
+        /// How many there are.
+        found: usize,
+    },
+    /// OpenCV refused a call.
     #[error(transparent)]
     OpenCv(#[from] OpenCvError),
 }

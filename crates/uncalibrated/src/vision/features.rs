@@ -1,3 +1,5 @@
+//! Keypoints and their descriptors.
+
 use image::GrayImage;
 use nalgebra::Point2;
 use opencv::core::{
@@ -35,9 +37,19 @@ pub struct Keypoint {
 #[derive(Clone, Debug, PartialEq)]
 pub enum Descriptors {
     /// Bit strings of `length` bytes, compared by Hamming distance.
-    Binary { length: usize, bytes: Vec<u8> },
+    Binary {
+        /// Bytes a descriptor.
+        length: usize,
+        /// All descriptors, `length` bytes each.
+        bytes: Vec<u8>,
+    },
     /// Vectors of `length` values, compared by Euclidean distance.
-    Float { length: usize, values: Vec<f32> },
+    Float {
+        /// Values a descriptor.
+        length: usize,
+        /// All descriptors, `length` values each.
+        values: Vec<f32>,
+    },
 }
 
 impl Descriptors {
@@ -53,6 +65,7 @@ impl Descriptors {
 /// Described keypoints of one view, in the detector's order.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Features {
+    /// Where they are, in OpenCV's pixels.
     pub keypoints: Vec<Keypoint>,
     /// Row i describes keypoint i.
     pub descriptors: Descriptors,
@@ -62,10 +75,23 @@ pub struct Features {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, thiserror::Error)]
 #[serde(tag = "code", rename_all = "snake_case")]
 pub enum FeatureError {
+    /// The descriptor cannot describe what the detector finds.
     #[error("{detector:?} keypoints cannot take {descriptor:?} descriptors")]
-    Incompatible { detector: Detector, descriptor: Descriptor },
+    Incompatible {
+        /// As the options choose it.
+        detector: Detector,
+        /// As the options choose it.
+        descriptor: Descriptor,
+    },
+    /// The number of descriptors is not that of keypoints.
     #[error("{described} of {found} keypoints were described")]
-    NotAllDescribed { described: usize, found: usize },
+    NotAllDescribed {
+        /// How many descriptors there are.
+        described: usize,
+        /// How many keypoints there are.
+        found: usize,
+    },
+    /// OpenCV refused a call.
     #[error(transparent)]
     OpenCv(#[from] OpenCvError),
 }

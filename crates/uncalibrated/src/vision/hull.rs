@@ -1,3 +1,5 @@
+//! The convex hull of a point cloud.
+
 use nalgebra::{Matrix3, Point3, Vector3};
 use qhull::Qh;
 use serde::Serialize;
@@ -14,12 +16,30 @@ const MAX_COORDINATE: f64 = 1e12;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, thiserror::Error)]
 #[serde(tag = "code", rename_all = "snake_case")]
 pub enum HullError {
+    /// Too few points are finite and near enough.
     #[error("{found} usable points; a hull takes at least {required}")]
-    TooFewPoints { found: usize, required: usize },
+    TooFewPoints {
+        /// How many are.
+        found: usize,
+        /// The fewest that span a volume.
+        required: usize,
+    },
+    /// The points span no volume.
     #[error("all {found} points lie in one plane, within {thickness:.3e}")]
-    Flat { found: usize, thickness: f64 },
+    Flat {
+        /// How many there are.
+        found: usize,
+        /// Standard deviation across their best plane, in their own unit.
+        thickness: f64,
+    },
+    /// Qhull failed.
     #[error("the hull of {found} points failed (Qhull code {qhull_code})")]
-    Failed { found: usize, qhull_code: i32 },
+    Failed {
+        /// How many points it was given.
+        found: usize,
+        /// Qhull's exit code.
+        qhull_code: i32,
+    },
 }
 
 /// The convex hull as a closed mesh, triangles counter-clockwise seen from

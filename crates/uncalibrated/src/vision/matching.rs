@@ -1,3 +1,5 @@
+//! Matches descriptors of two views.
+
 use opencv::boxed_ref::BoxedRef;
 use opencv::core::{self, DMatch, Mat, MatTraitConst, NORM_HAMMING, NORM_L2, Ptr, Vector};
 use opencv::features2d::{BFMatcher, DescriptorMatcherTraitConst, FlannBasedMatcher};

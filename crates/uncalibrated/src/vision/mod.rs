@@ -50,6 +50,8 @@ use nalgebra::Point2;
 /// A pair of pixels said to show the same point of the subject.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Correspondence {
+    /// In the left view, px.
     pub left: Point2<f64>,
+    /// In the right view, px.
     pub right: Point2<f64>,
 }

@@ -8,7 +8,9 @@ use nalgebra::{Matrix3, Point2, Vector3};
 /// The pair nearest to a measured correspondence that satisfies `F` exactly.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OptimalCorrection {
+    /// In the left view, px.
     pub left: Point2<f64>,
+    /// In the right view, px.
     pub right: Point2<f64>,
     /// Squared distances of both points to their measurements, summed, px².
     pub reprojection_error_px2: f64,

@@ -1,3 +1,5 @@
+//! Rectifies a pair without calibration.
+
 use image::GrayImage;
 use nalgebra::Matrix3;
 use opencv::calib3d;
@@ -16,7 +18,9 @@ const PAPER: f64 = 255.0;
 /// Homographies that make a pair's epipolar lines horizontal and level.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rectification {
+    /// From pixels of the left view to those of its rectified picture.
     pub rectified_from_left: Matrix3<f64>,
+    /// From pixels of the right view to those of its rectified picture.
     pub rectified_from_right: Matrix3<f64>,
 }
 
@@ -24,10 +28,16 @@ pub struct Rectification {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, thiserror::Error)]
 #[serde(tag = "code", rename_all = "snake_case")]
 pub enum RectificationError {
+    /// OpenCV found none.
     #[error("no rectifying homographies fit the {found} inliers")]
-    NoHomographies { found: usize },
+    NoHomographies {
+        /// How many inliers it was given.
+        found: usize,
+    },
+    /// A homography cannot be inverted.
     #[error("a rectifying homography is singular or not finite")]
     Singular,
+    /// OpenCV refused a call.
     #[error(transparent)]
     OpenCv(#[from] OpenCvError),
 }

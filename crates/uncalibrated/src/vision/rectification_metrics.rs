@@ -53,7 +53,9 @@ impl RectificationDistortion {
 /// Both homographies of a rectified pair, as the dissertation's tables count.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct PairDistortion {
+    /// Of the left view's homography.
     pub left: RectificationDistortion,
+    /// Of the right view's homography.
     pub right: RectificationDistortion,
     /// Mean over left and right of Eo's relative deviation from 90 degrees.
     pub mean_orthogonality_deviation: f64,

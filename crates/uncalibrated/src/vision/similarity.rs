@@ -1,3 +1,5 @@
+//! The similarity that brings one point cloud to another, outliers left out.
+
 use nalgebra::{Matrix3, Point3, Rotation3, Similarity3, Translation3, UnitQuaternion, Vector3};
 use rand::SeedableRng;
 use rand::seq::index;
@@ -12,6 +14,7 @@ const COLLINEAR_RATIO: f64 = 1e-6;
 /// A similarity and the points that agree with it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SimilarityFit {
+    /// Scale, rotation and shift that bring the source to the target.
     pub target_from_source: Similarity3<f64>,
     /// One flag a pair of points.
     pub inliers: Vec<bool>,
@@ -23,12 +26,28 @@ pub struct SimilarityFit {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, thiserror::Error)]
 #[serde(tag = "code", rename_all = "snake_case")]
 pub enum SimilarityError {
+    /// Too few points are in both clouds.
     #[error("{found} shared points; at least {required} are needed")]
-    TooFewPoints { found: usize, required: usize },
+    TooFewPoints {
+        /// How many are.
+        found: usize,
+        /// The fewest that determine a similarity.
+        required: usize,
+    },
+    /// The shared points lie on one line, which leaves the rotation open.
     #[error("all {found} shared points are collinear")]
-    Collinear { found: usize },
+    Collinear {
+        /// How many there are.
+        found: usize,
+    },
+    /// Too few shared points agree on one similarity.
     #[error("only {agreeing} of {found} shared points agree on a similarity")]
-    NoConsensus { agreeing: usize, found: usize },
+    NoConsensus {
+        /// The most that agree.
+        agreeing: usize,
+        /// How many there are.
+        found: usize,
+    },
 }
 
 /// The similarity that maps `source` to `target` with the least squared error;

@@ -1,3 +1,5 @@
+//! Numbers out of glTF accessors, sparse ones too, every range checked.
+
 use ::gltf::Accessor;
 use ::gltf::accessor::DataType;
 use ::gltf::accessor::sparse::IndexType;

@@ -1,3 +1,5 @@
+//! The container of glTF and GLB: the JSON, its buffers and the extensions it needs.
+
 use std::borrow::Cow;
 
 use ::gltf::binary::Glb;

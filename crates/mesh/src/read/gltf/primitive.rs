@@ -1,3 +1,5 @@
+//! The triangles of a glTF mesh, placed in the scene.
+
 use ::gltf::mesh::Mode;
 use ::gltf::{Primitive, Semantic};
 use nalgebra::{Matrix3, Matrix4, Point3, Vector3};

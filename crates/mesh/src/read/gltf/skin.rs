@@ -1,3 +1,5 @@
+//! The transforms of skinned vertices, in the pose that the file has.
+
 use ::gltf::Skin;
 use nalgebra::Matrix4;
 

@@ -16,19 +16,24 @@ use regions::{Region, columns_of, regions_of};
 /// A point of a drawing that is known to be a hole.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HoleHint {
+    /// The view that it points into.
     pub azimuth: Azimuth,
     /// Column and row in the sheet frame, px.
     pub x_px: f64,
+    /// The row, downward.
     pub y_px: f64,
 }
 
 /// A hole that was carved.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Hole {
+    /// The view that shows it, degrees in [0, 360).
     pub azimuth_deg: f64,
     /// A column and row inside it, px.
     pub x_px: f64,
+    /// The row, downward.
     pub y_px: f64,
+    /// Pixels that it covers in that view.
     pub area_px: usize,
     /// The thinnest material around it over the root of its area.
     pub ring: f64,

@@ -1,3 +1,5 @@
+//! SURF's descriptor of a keypoint.
+
 use super::haar::HaarWavelets;
 use super::integral::IntegralImage;
 use super::{DESCRIPTOR_LENGTH, SurfKeypoint, scale_px};

@@ -1,3 +1,5 @@
+//! Haar wavelets of an integral image.
+
 use super::integral::IntegralImage;
 
 /// Half sides beyond this see nothing but the whole picture.

@@ -1,3 +1,5 @@
+//! SURF's keypoints: maxima of the Hessian's determinant over place and scale.
+
 use nalgebra::{Matrix3, Vector3};
 
 use super::integral::IntegralImage;

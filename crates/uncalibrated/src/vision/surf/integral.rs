@@ -1,3 +1,5 @@
+//! Sums of grey over boxes by an integral image.
+
 use image::GrayImage;
 
 /// Sums of grey levels above and left of every pixel corner.

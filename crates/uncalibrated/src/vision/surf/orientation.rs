@@ -1,3 +1,5 @@
+//! SURF's orientation of a keypoint.
+
 use super::haar::HaarWavelets;
 use super::integral::IntegralImage;
 use super::{SurfKeypoint, scale_px};
