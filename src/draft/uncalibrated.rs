@@ -184,7 +184,7 @@ fn compare_view(
         return Ok(ViewComparison::default());
     };
     let pair_degs = reconstruction.pair_degs_of(azimuth);
-    let report = |map| evaluate_view(&map, truth).map_err(|error| DraftError::internal(error));
+    let report = |map| evaluate_view(&map, truth).map_err(DraftError::internal);
     let disparity =
         view.disparity.as_ref().map(|map| report(disparity_from_pairs(map, &pair_degs)));
     let depth = view.depth.as_ref().map(|map| report(disparity_from_depth(map)));

@@ -7,7 +7,7 @@
 //! | [`topology`], [`components`], [`repair`] | whether a mesh bounds a solid, its pieces, and what to mend | |
 //! | [`shading`] | normals that break at creases | |
 //! | [`quads`] | triangles joined to quads | |
-//! | [`write`] | GLB and PLY | glTF 2.0 |
+//! | [`mod@write`] | GLB and PLY | glTF 2.0 |
 //! | [`thumbnail`] | a shaded picture | |
 
 pub mod builtin;

@@ -5,8 +5,8 @@
 //! with those of the one that is published. What is written is durable when the
 //! call returns.
 
-mod bytes;
 mod key;
+mod store;
 
-pub use bytes::{ByteError, ByteRange, ByteStore, ByteWriter};
 pub use key::{InvalidName, Key};
+pub use store::{ByteError, ByteRange, ByteStore, ByteWriter};
