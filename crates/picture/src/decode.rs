@@ -2,7 +2,11 @@
 
 use std::io::Cursor;
 
-use image::{DynamicImage, GrayImage, ImageError as DecodeError, ImageFormat, ImageReader, Limits};
+use image::metadata::Orientation;
+use image::{
+    DynamicImage, GrayImage, ImageDecoder, ImageError as DecodeError, ImageFormat, ImageReader,
+    Limits, RgbaImage,
+};
 
 /// What an uploaded picture may cost.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -28,6 +32,22 @@ impl ImageLimits {
         pixels <= self.max_pixels && width.max(height) <= self.max_side_px
     }
 
+    /// What reading a header may take: profiles and texts that inflate to more
+    /// are refused.
+    fn of_header() -> Limits {
+        let mut limits = Limits::default();
+        limits.max_alloc = Some(MAX_METADATA_BYTES);
+        limits
+    }
+
+    /// As [`of_decoder`](Self::of_decoder), whichever way the picture lies.
+    fn of_picture(width: u32, height: u32) -> Limits {
+        let mut limits = Self::of_decoder(width, height);
+        limits.max_image_width = Some(width.max(height));
+        limits.max_image_height = Some(width.max(height));
+        limits
+    }
+
     /// What a decoder may take for a picture whose header states this size.
     pub fn of_decoder(width: u32, height: u32) -> Limits {
         let mut limits = Limits::default();
@@ -39,6 +59,9 @@ impl ImageLimits {
         limits
     }
 }
+
+/// The most that profiles and texts of a picture may inflate to, bytes.
+const MAX_METADATA_BYTES: u64 = 8 << 20;
 
 /// Why bytes are not a usable drawing.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -81,7 +104,8 @@ pub struct Drawing {
 }
 
 /// Reads format and size from the header and holds them against `limits`,
-/// without decoding any pixel.
+/// without decoding any pixel. Width and height are those of the picture as it
+/// is looked at, after the turn that its EXIF orientation asks for.
 ///
 /// # Errors
 /// All of [`ImageError`]; [`ImageError::Damaged`] if the header itself is cut.
@@ -95,8 +119,10 @@ pub fn inspect(bytes: &[u8], limits: &ImageLimits) -> Result<(ImageFormat, u32, 
     if !matches!(format, Png | Jpeg | WebP | Tiff) {
         return Err(ImageError::NotAnImage);
     }
-    let (width, height) =
-        ImageReader::with_format(Cursor::new(bytes), format).into_dimensions().map_err(damaged)?;
+    let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
+    reader.limits(ImageLimits::of_header());
+    let mut decoder = reader.into_decoder().map_err(damaged)?;
+    let (width, height) = decoder.dimensions();
     if !limits.admit(width, height) {
         return Err(ImageError::TooManyPixels {
             width,
@@ -108,6 +134,8 @@ pub fn inspect(bytes: &[u8], limits: &ImageLimits) -> Result<(ImageFormat, u32, 
     if width == 0 || height == 0 {
         return Err(ImageError::Damaged("it has no pixels".to_owned()));
     }
+    let (width, height) =
+        if is_turned(orientation(&mut decoder)) { (height, width) } else { (width, height) };
     Ok((format, width, height))
 }
 
@@ -129,21 +157,50 @@ pub fn inspect(bytes: &[u8], limits: &ImageLimits) -> Result<(ImageFormat, u32, 
 /// # Errors
 /// All of [`ImageError`].
 pub fn decode(bytes: &[u8], limits: &ImageLimits) -> Result<Drawing, ImageError> {
-    let (format, width, height) = inspect(bytes, limits)?;
-    let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
-    reader.limits(ImageLimits::of_decoder(width, height));
-    let decoded = reader.decode().map_err(damaged)?;
-    if format == ImageFormat::Jpeg && is_cut_jpeg(bytes) {
-        return Err(ImageError::Damaged("the end marker of the JPEG is missing".to_owned()));
-    }
-    Ok(match decoded {
+    Ok(match decoded(bytes, limits)? {
         DynamicImage::ImageLuma8(gray) => Drawing { gray, alpha: None },
-        other => flatten(&other),
+        other => flatten(&other.to_rgba8()),
     })
 }
 
-fn flatten(image: &DynamicImage) -> Drawing {
-    let rgba = image.to_rgba8();
+/// Decodes a drawing in colour, 8-bit sRGB with alpha, after [`inspect`]ing it.
+///
+/// # Errors
+/// All of [`ImageError`].
+pub fn decode_color(bytes: &[u8], limits: &ImageLimits) -> Result<RgbaImage, ImageError> {
+    Ok(decoded(bytes, limits)?.into_rgba8())
+}
+
+/// The picture as it is looked at: turned as its EXIF orientation says.
+fn decoded(bytes: &[u8], limits: &ImageLimits) -> Result<DynamicImage, ImageError> {
+    let (format, width, height) = inspect(bytes, limits)?;
+    let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
+    reader.limits(ImageLimits::of_header());
+    let mut decoder = reader.into_decoder().map_err(damaged)?;
+    let orientation = orientation(&mut decoder);
+    decoder.set_limits(ImageLimits::of_picture(width, height)).map_err(damaged)?;
+    let mut decoded = DynamicImage::from_decoder(decoder).map_err(damaged)?;
+    if format == ImageFormat::Jpeg && is_cut_jpeg(bytes) {
+        return Err(ImageError::Damaged("the end marker of the JPEG is missing".to_owned()));
+    }
+    decoded.apply_orientation(orientation);
+    Ok(decoded)
+}
+
+/// How the picture must be turned to be looked at; as it is, where that cannot
+/// be read.
+fn orientation(decoder: &mut impl ImageDecoder) -> Orientation {
+    decoder.orientation().unwrap_or(Orientation::NoTransforms)
+}
+
+/// Whether width and height change places.
+fn is_turned(orientation: Orientation) -> bool {
+    use Orientation::{Rotate90, Rotate90FlipH, Rotate270, Rotate270FlipH};
+    matches!(orientation, Rotate90 | Rotate270 | Rotate90FlipH | Rotate270FlipH)
+}
+
+/// Lays a drawing on white paper: grey, and alpha where it is not opaque.
+pub fn flatten(rgba: &RgbaImage) -> Drawing {
     let (width, height) = rgba.dimensions();
     let gray = GrayImage::from_fn(width, height, |x, y| {
         let [r, g, b, a] = rgba.get_pixel(x, y).0.map(u32::from);

@@ -11,7 +11,7 @@ mod maps;
 mod pfm;
 mod png;
 
-pub use decode::{Drawing, ImageError, ImageLimits, decode, inspect};
+pub use decode::{Drawing, ImageError, ImageLimits, decode, decode_color, flatten, inspect};
 pub use float_image::{FloatImage, ValueRange};
 pub use maps::{DepthEncoding, depth_png, disparity_png, normals_png, silhouette_png};
 pub use pfm::{PfmError, decode_pfm, encode_pfm};

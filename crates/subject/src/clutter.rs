@@ -1,0 +1,452 @@
+//! Frames, guide lines, ground lines and dimension lines: long straight thin
+//! strokes that go on where the figure does not.
+
+use crate::options::CleanOptions;
+use crate::raster::{Bits, filled};
+use crate::report::{Box2, Removed, RemovedKind};
+use crate::straight::{Limits, Line, level_lines, transposed};
+
+/// The thickest line, share of the page's shorter side.
+const THICKNESS: f64 = 0.011;
+/// The shortest run of a line's pixels, share of the longer side.
+const RUN: f64 = 0.03;
+/// Paper beside a line that is alone, share of the shorter side.
+const BARE: f64 = 0.012;
+/// A guide's length, share of the page's.
+const GUIDE_LENGTH: f64 = 0.3;
+/// How far it goes on alone, share of the page's length.
+const OVERHANG: f64 = 0.03;
+/// How far nothing may be drawn straight on from its ends, share of the page's
+/// length: what goes on after a gap is an outline.
+const AHEAD: f64 = 0.12;
+/// The share of its length in which it is alone.
+const ALONE: f64 = 0.3;
+/// A frame's sides, share of the page's.
+const FRAME: f64 = 0.7;
+/// What a frame holds is at least this share of its height.
+const FRAMED: f64 = 0.3;
+/// A line that touches nothing, share of the page's length.
+const LOOSE_LENGTH: f64 = 0.1;
+/// If drawing every second stretch again encloses less than this of what all
+/// do, the count was wrong.
+const ALTERNATING: f64 = 0.85;
+/// On pages smaller than this nothing is a guide, px.
+const LEAST_PAGE: usize = 120;
+
+/// Straight lines that were found and what is left without them.
+pub(crate) struct Cleaned {
+    pub(crate) ink: Bits,
+    pub(crate) removed: Vec<Removed>,
+}
+
+/// Removes a frame around the figure from `ink`, if there is one.
+///
+/// * `stroke_px`: the width of the drawing's strokes.
+pub(crate) fn without_frame(ink: &Bits, stroke_px: f64) -> Cleaned {
+    let mut cleaned = Cleaned { ink: ink.clone(), removed: Vec::new() };
+    let (w, h) = (ink.width, ink.height);
+    if w.min(h) < LEAST_PAGE {
+        return cleaned;
+    }
+    if let Some(frame) = frame_of(&lines_of(ink), ink) {
+        let bounds = frame.iter().map(|line| bounds_of(line, w, h)).reduce(|a, b| a.joined(&b));
+        cleaned.cut_all(&frame, stroke_px);
+        cleaned
+            .removed
+            .push(Removed { kind: RemovedKind::Frame, place: bounds.unwrap_or_default() });
+    }
+    cleaned
+}
+
+/// Removes straight lines that are not of the figure from `ink`.
+///
+/// * `stroke_px`: the width of the drawing's strokes.
+pub(crate) fn without_lines(ink: &Bits, stroke_px: f64, options: &CleanOptions) -> Cleaned {
+    let mut cleaned = Cleaned { ink: ink.clone(), removed: Vec::new() };
+    let (w, h) = (ink.width, ink.height);
+    if w.min(h) < LEAST_PAGE {
+        return cleaned;
+    }
+    for _ in 0..2 {
+        let wanted = |kind: &RemovedKind| match kind {
+            RemovedKind::GroundLine => options.ground,
+            RemovedKind::DimensionLine => options.dimensions,
+            _ => options.guides,
+        };
+        let found: Vec<(Line, RemovedKind)> = lines_of(&cleaned.ink)
+            .into_iter()
+            .filter_map(|line| kind_of(&line, &cleaned.ink).map(|kind| (line, kind)))
+            .filter(|(_, kind)| wanted(kind))
+            .collect();
+        if found.is_empty() {
+            break;
+        }
+        let place = |(line, kind): &(Line, RemovedKind)| Removed {
+            kind: *kind,
+            place: bounds_of(line, w, h),
+        };
+        cleaned.removed.extend(found.iter().map(place));
+        let lines: Vec<Line> = found.into_iter().map(|(line, _)| line).collect();
+        cleaned.cut_all(&lines, stroke_px);
+    }
+    cleaned
+}
+
+impl Cleaned {
+    /// Removes lines, then draws again what closes the figure on them.
+    fn cut_all(&mut self, lines: &[Line], stroke_px: f64) {
+        let before = self.ink.clone();
+        lines.iter().for_each(|line| cut(&mut self.ink, line));
+        for line in lines {
+            let runs = contacts(&self.ink, line, stroke_px);
+            if runs.len() < 2 {
+                continue;
+            }
+            let with = |step: usize| {
+                let mut ink = self.ink.clone();
+                restore(&mut ink, &before, line, stroke_px, &runs, step);
+                let area = filled(&ink).count() as f64;
+                (ink, area)
+            };
+            let (all, all_area) = with(1);
+            let (alternating, area) = with(2);
+            self.ink = if area >= ALTERNATING * all_area { alternating } else { all };
+        }
+    }
+}
+
+fn lines_of(ink: &Bits) -> Vec<Line> {
+    let short = ink.width.min(ink.height) as f64;
+    let limits = Limits {
+        least_run: ((RUN * ink.width.max(ink.height) as f64) as usize).max(8),
+        most_thickness: ((THICKNESS * short).round() as usize).max(3),
+        bare: ((BARE * short).round() as usize).max(2),
+    };
+    let mut lines = level_lines(ink, &limits, false);
+    lines.extend(level_lines(&transposed(ink), &limits, true));
+    lines
+}
+
+fn page_length(line: &Line, w: usize, h: usize) -> f64 {
+    if line.upright { h as f64 } else { w as f64 }
+}
+
+fn bounds_of(line: &Line, w: usize, h: usize) -> Box2 {
+    let half = line.thickness / 2.0;
+    let ends = [line.across(line.from), line.across(line.to)];
+    let low = (ends[0].min(ends[1]) - half).floor().max(0.0) as u32;
+    let high = (ends[0].max(ends[1]) + half).ceil().max(1.0) as u32;
+    let (from, to) = (line.from as u32, line.to as u32);
+    if line.upright {
+        Box2 { left: low, top: from, right: high.min(w as u32), bottom: to }
+    } else {
+        Box2 { left: from, top: low, right: to, bottom: high.min(h as u32) }
+    }
+}
+
+/// Whether a line goes on alone beyond what it touches.
+fn is_guide(line: &Line, w: usize, h: usize) -> bool {
+    let page = page_length(line, w, h);
+    let overhangs = line.overhangs();
+    let ends = [0, 1].map(|k| {
+        let at_border = line.ahead[k] == usize::MAX;
+        let least = if at_border { 2.0 } else { OVERHANG * page };
+        overhangs[k] as f64 >= least && line.ahead[k] as f64 >= AHEAD * page
+    });
+    line.length() as f64 >= GUIDE_LENGTH * page
+        && line.alone_share() >= ALONE
+        && ends == [true, true]
+}
+
+/// What a line is, if it is not of the figure.
+fn kind_of(line: &Line, ink: &Bits) -> Option<RemovedKind> {
+    let (w, h) = (ink.width, ink.height);
+    if is_guide(line, w, h) {
+        let below = !line.upright && is_bare_below(line, ink);
+        return Some(if below { RemovedKind::GroundLine } else { RemovedKind::Guide });
+    }
+    let page = page_length(line, w, h);
+    let long = line.length() as f64;
+    let loose = long >= LOOSE_LENGTH * page
+        && long >= 16.0 * line.thickness
+        && line.alone_share() >= 0.85
+        && line.ahead.iter().all(|px| *px as f64 >= AHEAD * page)
+        && line.overhangs().iter().all(|px| *px as f64 >= 0.3 * long);
+    if !loose {
+        return None;
+    }
+    let long = long >= GUIDE_LENGTH * page;
+    Some(if long { RemovedKind::Guide } else { RemovedKind::DimensionLine })
+}
+
+/// Whether hardly anything is drawn below a level line and something above.
+fn is_bare_below(line: &Line, ink: &Bits) -> bool {
+    let low = (line.across(line.from).max(line.across(line.to)) + line.thickness + 2.0) as usize;
+    let high = (line.across(line.from).min(line.across(line.to)) - line.thickness - 2.0).max(0.0);
+    let count = |rows: std::ops::Range<usize>| {
+        rows.map(|y| ink.row(y)[line.from..line.to].iter().filter(|is| **is).count()).sum::<usize>()
+    };
+    let below = count(low.min(ink.height)..ink.height);
+    let above = count(0..(high as usize).min(ink.height));
+    (below as f64) < 0.15 * above as f64
+}
+
+/// Four lines that make a rectangle about most of what is drawn.
+fn frame_of(lines: &[Line], ink: &Bits) -> Option<[Line; 4]> {
+    let (w, h) = (ink.width as f64, ink.height as f64);
+    let near = 0.02 * w.max(h);
+    let level: Vec<&Line> =
+        lines.iter().filter(|l| !l.upright && l.length() as f64 >= FRAME * w).collect();
+    let upright: Vec<&Line> =
+        lines.iter().filter(|l| l.upright && l.length() as f64 >= FRAME * h).collect();
+    let meet = |line: &Line, a: &Line, b: &Line| {
+        (line.from as f64 - a.at).abs() <= near && (line.to as f64 - b.at).abs() <= near
+    };
+    for top in &level {
+        for bottom in level.iter().filter(|bottom| bottom.at > top.at + FRAME * h) {
+            for left in &upright {
+                for right in upright.iter().filter(|right| right.at > left.at + FRAME * w) {
+                    let joined = [top, bottom].iter().all(|line| meet(line, left, right))
+                        && [left, right].iter().all(|line| meet(line, top, bottom));
+                    let sides = [top, bottom, left, right].map(|line| (*line).clone());
+                    if joined && holds_a_figure(&sides, ink) {
+                        return Some(sides);
+                    }
+                }
+            }
+        }
+    }
+    None
+}
+
+fn holds_a_figure([top, bottom, left, right]: &[Line; 4], ink: &Bits) -> bool {
+    let inset = |line: &Line| line.thickness + 3.0;
+    let (y0, y1) = (top.at + inset(top), bottom.at - inset(bottom));
+    let (x0, x1) = (left.at + inset(left), right.at - inset(right));
+    let (y0, y1) = (y0.max(0.0) as usize, (y1.max(0.0) as usize).min(ink.height));
+    let (x0, x1) = (x0.max(0.0) as usize, (x1.max(0.0) as usize).min(ink.width));
+    if x0 >= x1 || y0 >= y1 {
+        return false;
+    }
+    let inked = (y0..y1).filter(|&y| ink.row(y)[x0..x1].iter().any(|is| *is)).count();
+    inked as f64 >= FRAMED * (y1 - y0) as f64
+}
+
+/// A view of the raster along a line: `(along, across)`.
+struct Along<'a> {
+    ink: &'a mut Bits,
+    upright: bool,
+}
+
+impl Along<'_> {
+    fn at(&self, along: i64, across: i64) -> bool {
+        if self.upright { self.ink.at(across, along) } else { self.ink.at(along, across) }
+    }
+
+    fn set(&mut self, along: i64, across: i64, value: bool) {
+        let (x, y) = if self.upright { (across, along) } else { (along, across) };
+        self.ink.set(x, y, value);
+    }
+}
+
+/// Removes a line's pixels but those of strokes that cross it.
+fn cut(ink: &mut Bits, line: &Line) {
+    let mut view = Along { ink, upright: line.upright };
+    let half = line.thickness / 2.0;
+    let reach = half.ceil() as i64 + 1;
+    let slack = 1 + line.thickness.ceil() as usize;
+    for along in line.from.saturating_sub(slack)..line.to + slack {
+        let middle = line.across(along);
+        let centre = middle.floor() as i64;
+        let along = along as i64;
+        let Some(start) =
+            (0..=reach).flat_map(|d| [centre - d, centre + d]).find(|&y| view.at(along, y))
+        else {
+            continue;
+        };
+        let low = (0..).map(|d| start - d).find(|&y| !view.at(along, y)).unwrap_or(start) + 1;
+        let high = (0..).map(|d| start + d).find(|&y| !view.at(along, y)).unwrap_or(start);
+        let band = ((middle - half - 0.3).floor() as i64, (middle + half + 0.3).ceil() as i64);
+        let above = band.0 - low > 1;
+        let below = high - band.1 > 1;
+        match (above, below) {
+            (true, true) => {}
+            (false, false) => (low..high).for_each(|y| view.set(along, y, false)),
+            _ => (band.0.max(low)..band.1.min(high)).for_each(|y| view.set(along, y, false)),
+        }
+    }
+}
+
+/// Where strokes meet a line, as runs along it, if they come from one side only.
+fn contacts(ink: &Bits, line: &Line, stroke_px: f64) -> Vec<Contact> {
+    let mut copy = ink.clone();
+    let view = Along { ink: &mut copy, upright: line.upright };
+    let offset = contact_offset(line, stroke_px);
+    let deeper = offset + 2.0 * stroke_px + 1.0;
+    let of_side = |side: f64| {
+        let at = |along: usize, offset: f64| {
+            view.at(along as i64, (line.across(along) + side * offset).floor() as i64)
+        };
+        let mut runs: Vec<Contact> = Vec::new();
+        // What meets the very ends is a frame's other side.
+        let end = (offset + line.thickness).ceil() as usize;
+        for along in line.from + end..line.to.saturating_sub(end) {
+            if at(along, offset) {
+                match runs.last_mut() {
+                    Some(run) if run.to + 1 >= along => run.to = along,
+                    _ => runs.push(Contact { from: along, to: along, side }),
+                }
+            }
+        }
+        // Filled areas are their own barrier.
+        runs.retain(|run| {
+            let long = (run.to - run.from) as f64 >= 4.0 * stroke_px + 4.0;
+            let filled = (run.from..=run.to).filter(|along| at(*along, deeper)).count();
+            !long || filled * 2 < run.to - run.from
+        });
+        runs
+    };
+    let (above, below) = (of_side(-1.0), of_side(1.0));
+    match (above.is_empty(), below.is_empty()) {
+        (false, true) => above,
+        (true, false) => below,
+        _ => Vec::new(),
+    }
+}
+
+/// A stroke that meets a line from `side`, -1 before it and 1 behind.
+struct Contact {
+    from: usize,
+    to: usize,
+    side: f64,
+}
+
+fn contact_offset(line: &Line, stroke_px: f64) -> f64 {
+    (line.thickness / 2.0).ceil() + (1.5 * stroke_px).max(3.0)
+}
+
+/// Draws a line again between strokes that meet it: between all, or between
+/// every second two, which are the figure's own edges if it stands on feet.
+fn restore(
+    ink: &mut Bits,
+    before: &Bits,
+    line: &Line,
+    stroke_px: f64,
+    runs: &[Contact],
+    step: usize,
+) {
+    let mut copy = before.clone();
+    let old = Along { ink: &mut copy, upright: line.upright };
+    let mut view = Along { ink, upright: line.upright };
+    let offset = contact_offset(line, stroke_px);
+    let odd = step == 2 && runs.len() % 2 == 1;
+    for pair in runs.windows(2).step_by(if odd { 1 } else { step }) {
+        let side = pair[0].side;
+        // Lines inside spoil the count: then shallow areas are the figure's feet.
+        if odd && !is_shallow(&view, line, side, pair[0].to + 1..pair[1].from) {
+            continue;
+        }
+        let (from, to) = (pair[0].from, pair[1].to);
+        let drawn = |along: &usize| {
+            let near = line.across(*along) + side * (line.thickness / 2.0 + 0.5);
+            (-1..3).any(|d| view.at(*along as i64, (near + side * f64::from(d)).floor() as i64))
+        };
+        let own = (from..=to).filter(drawn).count();
+        if own as f64 > 0.8 * (to - from + 1) as f64 {
+            continue;
+        }
+        for along in from..=to {
+            let (middle, half) = (line.across(along), line.thickness / 2.0);
+            let low = (middle - half).round() as i64;
+            let high = ((middle + half).round() as i64).max(low + 1);
+            (low..high).for_each(|y| view.set(along as i64, y, true));
+        }
+        // The figure's strokes go down to the line.
+        for along in (pair[0].from..=pair[0].to).chain(pair[1].from..=pair[1].to) {
+            let middle = line.across(along);
+            let far = middle + side * offset;
+            let (a, b) = (middle.min(far).floor() as i64, middle.max(far).ceil() as i64);
+            for y in (a..=b).filter(|y| old.at(along as i64, *y)) {
+                view.set(along as i64, y, true);
+            }
+        }
+    }
+}
+
+/// Whether strokes bound the paper beside a stretch of the line not much
+/// farther away than the stretch is long.
+fn is_shallow(view: &Along<'_>, line: &Line, side: f64, stretch: std::ops::Range<usize>) -> bool {
+    let reach = (1.5 * stretch.len() as f64 + 3.0 * line.thickness) as i64;
+    let from = line.thickness.ceil() as i64 + 1;
+    let bounded = |along: &usize| {
+        let middle = line.across(*along).floor() as i64;
+        (from..=reach).any(|d| view.at(*along as i64, middle + side as i64 * d))
+    };
+    let count = stretch.len();
+    stretch.filter(bounded).count() * 10 >= count * 8
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two open boxes side by side as feet, on a line if `ground`.
+    fn feet(ground: bool) -> Bits {
+        let mut ink = Bits::filled(300, 200, false);
+        for (left, right) in [(100, 130), (160, 190)] {
+            for y in 60..150 {
+                for x in [left, left + 1, right - 1, right] {
+                    ink.set(x, y, true);
+                }
+            }
+            for x in left..=right {
+                for y in [60, 61, 148, 149] {
+                    ink.set(x, y, true);
+                }
+            }
+        }
+        if ground {
+            for x in 20..280 {
+                ink.set(x, 148, true);
+                ink.set(x, 149, true);
+            }
+        }
+        ink
+    }
+
+    #[test]
+    fn a_ground_line_goes_and_the_soles_stay() {
+        let cleaned = without_lines(&feet(true), 2.0, &CleanOptions::default());
+        assert_eq!(cleaned.removed.len(), 1);
+        assert_eq!(cleaned.removed[0].kind, RemovedKind::GroundLine);
+        let whole = filled(&cleaned.ink).count() as f64;
+        let clean = filled(&feet(false)).count() as f64;
+        assert!((whole / clean - 1.0).abs() < 0.01, "{whole} {clean}");
+    }
+
+    #[test]
+    fn a_clean_drawing_is_left_alone() {
+        let cleaned = without_lines(&feet(false), 2.0, &CleanOptions::default());
+        assert!(cleaned.removed.is_empty());
+        assert_eq!(cleaned.ink.data, feet(false).data);
+    }
+
+    #[test]
+    fn a_frame_is_found_and_a_box_alone_is_none() {
+        let mut framed = feet(false);
+        let only = Bits::filled(300, 200, false);
+        let draw = |ink: &mut Bits| {
+            for k in 0..3 {
+                (10..290).for_each(|x| [10 + k, 187 + k].iter().for_each(|&y| ink.set(x, y, true)));
+                (10..190).for_each(|y| [10 + k, 287 + k].iter().for_each(|&x| ink.set(x, y, true)));
+            }
+        };
+        draw(&mut framed);
+        let cleaned = without_frame(&framed, 2.0);
+        assert_eq!(cleaned.removed[0].kind, RemovedKind::Frame);
+        assert_eq!(cleaned.ink.count(), feet(false).count());
+        let mut only = only;
+        draw(&mut only);
+        assert!(without_frame(&only, 2.0).removed.is_empty());
+    }
+}

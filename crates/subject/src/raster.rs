@@ -1,0 +1,435 @@
+//! Binary and scalar rasters and the image operations that every stage needs:
+//! flooding, distance maps, connected components and polygons.
+
+use crate::report::{Box2, Point};
+
+/// A rectangle of values, row by row.
+#[derive(Clone, Debug)]
+pub(crate) struct Raster<T> {
+    pub(crate) width: usize,
+    pub(crate) height: usize,
+    pub(crate) data: Vec<T>,
+}
+
+/// Which pixels belong to something.
+pub(crate) type Bits = Raster<bool>;
+
+impl<T: Clone> Raster<T> {
+    pub(crate) fn filled(width: usize, height: usize, value: T) -> Self {
+        Self { width, height, data: vec![value; width * height] }
+    }
+
+    pub(crate) fn row(&self, y: usize) -> &[T] {
+        &self.data[y * self.width..(y + 1) * self.width]
+    }
+}
+
+impl<T: Copy + Default> Raster<T> {
+    /// The value at `(x, y)`; the type's default outside.
+    pub(crate) fn at(&self, x: i64, y: i64) -> T {
+        let inside = x >= 0 && y >= 0 && (x as usize) < self.width && (y as usize) < self.height;
+        if inside { self.data[y as usize * self.width + x as usize] } else { T::default() }
+    }
+}
+
+impl Bits {
+    pub(crate) fn count(&self) -> usize {
+        self.data.iter().filter(|is| **is).count()
+    }
+
+    pub(crate) fn set(&mut self, x: i64, y: i64, value: bool) {
+        if x >= 0 && y >= 0 && (x as usize) < self.width && (y as usize) < self.height {
+            self.data[y as usize * self.width + x as usize] = value;
+        }
+    }
+
+    pub(crate) fn not(&self) -> Self {
+        Self {
+            width: self.width,
+            height: self.height,
+            data: self.data.iter().map(|is| !is).collect(),
+        }
+    }
+
+    pub(crate) fn or(mut self, other: &Self) -> Self {
+        self.data.iter_mut().zip(&other.data).for_each(|(own, other)| *own |= other);
+        self
+    }
+
+    pub(crate) fn and_not(mut self, other: &Self) -> Self {
+        self.data.iter_mut().zip(&other.data).for_each(|(own, other)| *own &= !other);
+        self
+    }
+
+    /// The bounds of what is set.
+    pub(crate) fn bounds(&self) -> Option<Box2> {
+        let mut found: Option<Box2> = None;
+        for y in 0..self.height {
+            let row = self.row(y);
+            let Some(first) = row.iter().position(|is| *is) else { continue };
+            let last = row.iter().rposition(|is| *is).unwrap_or(first);
+            let (x0, x1, y) = (first as u32, last as u32 + 1, y as u32);
+            found = Some(match found {
+                None => Box2 { left: x0, top: y, right: x1, bottom: y + 1 },
+                Some(b) => {
+                    Box2 { left: b.left.min(x0), top: b.top, right: b.right.max(x1), bottom: y + 1 }
+                }
+            });
+        }
+        found
+    }
+
+    /// Euclidean distance from each pixel to the nearest set one, px; pixels
+    /// that are set have 0. Without any set pixel all are far (1e6).
+    ///
+    /// # Source
+    /// Felzenszwalb & Huttenlocher 2012, Distance transforms of sampled functions.
+    pub(crate) fn distance(&self) -> Raster<f32> {
+        const FAR: f32 = 1e12;
+        let (w, h) = (self.width, self.height);
+        let mut squared: Vec<f32> =
+            self.data.iter().map(|is| if *is { 0.0 } else { FAR }).collect();
+        let mut lower = Lower::with_capacity(w.max(h));
+        let mut column = vec![0.0_f32; h];
+        // Down the columns a simple two-way scan of linear distance is exact.
+        let mut near = vec![1e6_f32; w];
+        for y in 0..h {
+            for (value, near) in squared[y * w..(y + 1) * w].iter_mut().zip(&mut near) {
+                *near = if *value == 0.0 { 0.0 } else { *near + 1.0 };
+                *value = *near;
+            }
+        }
+        near.fill(1e6);
+        for y in (0..h).rev() {
+            for (value, near) in squared[y * w..(y + 1) * w].iter_mut().zip(&mut near) {
+                *near = if *value == 0.0 { 0.0 } else { *near + 1.0 };
+                *value = value.min(*near).min(1e6);
+            }
+        }
+        column.clear();
+        for row in squared.chunks_exact_mut(w.max(1)) {
+            row.iter_mut().for_each(|value| *value *= *value);
+            lower.transform(row);
+            row.iter_mut().for_each(|value| *value = value.sqrt().min(1e6));
+        }
+        Raster { width: w, height: h, data: squared }
+    }
+
+    pub(crate) fn dilated(&self, radius: f32) -> Self {
+        let distance = self.distance();
+        self.map_of(&distance, |d| d <= radius)
+    }
+
+    pub(crate) fn eroded(&self, radius: f32) -> Self {
+        let distance = self.not().distance();
+        self.map_of(&distance, |d| d > radius)
+    }
+
+    pub(crate) fn opened(&self, radius: f32) -> Self {
+        self.eroded(radius).dilated(radius)
+    }
+
+    fn map_of(&self, distance: &Raster<f32>, test: impl Fn(f32) -> bool) -> Self {
+        let data = distance.data.iter().map(|d| test(*d)).collect();
+        Self { width: self.width, height: self.height, data }
+    }
+
+    /// The set pixels connected (by sides) to the image's border.
+    pub(crate) fn reached_from_border(&self) -> Self {
+        let (w, h) = (self.width, self.height);
+        let mut seeds = Vec::new();
+        if w > 0 && h > 0 {
+            seeds.extend((0..w).chain((h - 1) * w..h * w));
+            seeds.extend((0..h).flat_map(|y| [y * w, y * w + w - 1]));
+        }
+        self.flooded(seeds)
+    }
+
+    /// The set pixels connected (by sides) to `seeds`.
+    pub(crate) fn flooded(&self, mut pending: Vec<usize>) -> Self {
+        let w = self.width;
+        let mut open = self.data.clone();
+        let mut reached = vec![false; open.len()];
+        while let Some(index) = pending.pop() {
+            if !open[index] {
+                continue;
+            }
+            let row = index - index % w;
+            let before = open[row..index].iter().rev().take_while(|open| **open).count();
+            let after = open[index..row + w].iter().take_while(|open| **open).count();
+            let (from, to) = (index - before, index + after);
+            open[from..to].fill(false);
+            reached[from..to].fill(true);
+            let above = row.checked_sub(w).map(|_| from - w..to - w);
+            let below = (to + w <= reached.len()).then_some(from + w..to + w);
+            for beside in above.into_iter().chain(below) {
+                let mut in_run = false;
+                for (next, &starts) in beside.clone().zip(&open[beside]) {
+                    if starts && !in_run {
+                        pending.push(next);
+                    }
+                    in_run = starts;
+                }
+            }
+        }
+        Self { width: w, height: self.height, data: reached }
+    }
+
+    /// Parts connected by sides and corners, in the order of their first pixel.
+    pub(crate) fn components(&self, corners: bool) -> Components {
+        Components::of(self, corners)
+    }
+
+    /// Sets the pixels whose centre is inside `polygon`.
+    pub(crate) fn fill_polygon(&mut self, polygon: &[Point], value: bool) {
+        for y in 0..self.height {
+            let mid = y as f64 + 0.5;
+            let mut crossings: Vec<f64> = Vec::new();
+            for (index, a) in polygon.iter().enumerate() {
+                let b = &polygon[(index + 1) % polygon.len()];
+                if (a.y <= mid) != (b.y <= mid) {
+                    crossings.push(a.x + (mid - a.y) / (b.y - a.y) * (b.x - a.x));
+                }
+            }
+            crossings.retain(|x| x.is_finite());
+            crossings.sort_by(f64::total_cmp);
+            for pair in crossings.chunks_exact(2) {
+                let from = (pair[0] - 0.5).ceil().clamp(0.0, self.width as f64) as usize;
+                let to = (pair[1] - 0.5).ceil().clamp(0.0, self.width as f64) as usize;
+                if from < to {
+                    self.data[y * self.width + from..y * self.width + to].fill(value);
+                }
+            }
+        }
+    }
+}
+
+/// The lower envelope of parabolas, with its buffers.
+struct Lower {
+    source: Vec<f32>,
+    place: Vec<usize>,
+    from: Vec<f32>,
+}
+
+impl Lower {
+    fn with_capacity(count: usize) -> Self {
+        Self {
+            source: Vec::with_capacity(count),
+            place: Vec::with_capacity(count),
+            from: Vec::with_capacity(count + 1),
+        }
+    }
+
+    fn transform(&mut self, row: &mut [f32]) {
+        self.source.clear();
+        self.source.extend_from_slice(row);
+        self.place.clear();
+        self.from.clear();
+        let f = &self.source;
+        for q in 0..f.len() {
+            let crossing = |p: usize| {
+                let (fq, fp) = (f64::from(f[q]), f64::from(f[p]));
+                let (q, p) = (q as f64, p as f64);
+                (((fq + q * q) - (fp + p * p)) / (2.0 * (q - p))) as f32
+            };
+            while let (Some(&p), Some(&from)) = (self.place.last(), self.from.last()) {
+                if crossing(p) <= from {
+                    self.place.pop();
+                    self.from.pop();
+                } else {
+                    break;
+                }
+            }
+            let from = self.place.last().map_or(f32::NEG_INFINITY, |&p| crossing(p));
+            self.place.push(q);
+            self.from.push(from);
+        }
+        let mut k = 0;
+        for (x, value) in row.iter_mut().enumerate() {
+            while k + 1 < self.place.len() && self.from[k + 1] < x as f32 {
+                k += 1;
+            }
+            let p = self.place[k];
+            let away = x as f32 - p as f32;
+            *value = f[p] + away * away;
+        }
+    }
+}
+
+/// One connected part.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Component {
+    pub(crate) area: usize,
+    pub(crate) bounds: Box2,
+}
+
+/// The connected parts of a [`Bits`].
+pub(crate) struct Components {
+    /// Per pixel 0, or one more than the part's index.
+    pub(crate) labels: Vec<u32>,
+    pub(crate) parts: Vec<Component>,
+}
+
+impl Components {
+    fn of(bits: &Bits, corners: bool) -> Self {
+        let (w, h) = (bits.width, bits.height);
+        let mut labels = vec![0_u32; w * h];
+        let mut parent: Vec<u32> = vec![0];
+        fn root(parent: &mut [u32], mut label: u32) -> u32 {
+            while parent[label as usize] != label {
+                let up = parent[parent[label as usize] as usize];
+                parent[label as usize] = up;
+                label = up;
+            }
+            label
+        }
+        let reach = usize::from(corners);
+        for y in 0..h {
+            let mut x = 0;
+            while x < w {
+                if !bits.data[y * w + x] {
+                    x += 1;
+                    continue;
+                }
+                let from = x;
+                while x < w && bits.data[y * w + x] {
+                    x += 1;
+                }
+                let mut own = 0;
+                if y > 0 {
+                    let mut last = 0;
+                    for above in from.saturating_sub(reach)..(x + reach).min(w) {
+                        let label = labels[(y - 1) * w + above];
+                        if label == 0 || label == last {
+                            continue;
+                        }
+                        last = label;
+                        let other = root(&mut parent, label);
+                        if own == 0 {
+                            own = other;
+                        } else if own != other {
+                            let (low, high) = (own.min(other), own.max(other));
+                            parent[high as usize] = low;
+                            own = low;
+                        }
+                    }
+                }
+                if own == 0 {
+                    own = parent.len() as u32;
+                    parent.push(own);
+                }
+                labels[y * w + from..y * w + x].fill(own);
+            }
+        }
+        let mut compact = vec![0_u32; parent.len()];
+        let mut parts: Vec<Component> = Vec::new();
+        for (index, label) in labels.iter_mut().enumerate().filter(|(_, label)| **label != 0) {
+            let found = root(&mut parent, *label) as usize;
+            let (x, y) = ((index % w) as u32, (index / w) as u32);
+            if compact[found] == 0 {
+                let bounds = Box2 { left: x, top: y, right: x + 1, bottom: y + 1 };
+                parts.push(Component { area: 0, bounds });
+                compact[found] = parts.len() as u32;
+            }
+            *label = compact[found];
+            let part = &mut parts[compact[found] as usize - 1];
+            part.area += 1;
+            part.bounds.left = part.bounds.left.min(x);
+            part.bounds.right = part.bounds.right.max(x + 1);
+            part.bounds.bottom = y + 1;
+        }
+        Self { labels, parts }
+    }
+
+    /// The pixels of the parts that `keep` names, by index.
+    pub(crate) fn select(&self, width: usize, keep: impl Fn(usize) -> bool) -> Bits {
+        let kept: Vec<bool> = (0..self.parts.len()).map(keep).collect();
+        let data: Vec<bool> =
+            self.labels.iter().map(|&label| label != 0 && kept[label as usize - 1]).collect();
+        Bits { width, height: data.len() / width.max(1), data }
+    }
+}
+
+/// What paper connected to the border does not reach, where `barrier` holds it
+/// off; openings of up to two pixels hold it off too.
+pub(crate) fn filled(barrier: &Bits) -> Bits {
+    let near = grown(barrier);
+    let mut outside = near.not().reached_from_border();
+    // Paper creeps back to the lines that it was held off from.
+    let (w, h) = (barrier.width, barrier.height);
+    let reached = grown(&outside);
+    for y in 0..h {
+        for x in 0..w {
+            let index = y * w + x;
+            if reached.data[index] && near.data[index] && !barrier.data[index] {
+                outside.data[index] = true;
+            }
+        }
+    }
+    outside.not()
+}
+
+/// Dilated by one pixel in all eight directions.
+pub(crate) fn grown(bits: &Bits) -> Bits {
+    let (w, h) = (bits.width, bits.height);
+    let mut wide = bits.clone();
+    for (row, from) in wide.data.chunks_exact_mut(w.max(1)).zip(bits.data.chunks_exact(w.max(1))) {
+        for x in 0..w {
+            row[x] = from[x] || (x > 0 && from[x - 1]) || (x + 1 < w && from[x + 1]);
+        }
+    }
+    let mut grown = wide.clone();
+    for y in 0..h {
+        for other in [y.checked_sub(1), (y + 1 < h).then_some(y + 1)].into_iter().flatten() {
+            let from = &wide.data[other * w..(other + 1) * w];
+            let row = &mut grown.data[y * w..(y + 1) * w];
+            row.iter_mut().zip(from).for_each(|(own, other)| *own |= other);
+        }
+    }
+    grown
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ring(side: usize, gap: usize) -> Bits {
+        let mut bits = Bits::filled(side, side, false);
+        for k in 4..side - 4 {
+            for (x, y) in [(k, 4), (k, side - 5), (4, k), (side - 5, k)] {
+                bits.data[y * side + x] = true;
+            }
+        }
+        bits.data[4 * side + 8..4 * side + 8 + gap].fill(false);
+        bits
+    }
+
+    #[test]
+    fn a_ring_is_filled_and_a_wide_opening_lets_paper_in() {
+        assert_eq!(filled(&ring(24, 0)).count(), 16 * 16);
+        assert!(filled(&ring(24, 2)).count() >= 16 * 16 - 2);
+        assert!(filled(&ring(24, 6)).count() < 100);
+    }
+
+    #[test]
+    fn distances_are_euclidean() {
+        let mut bits = Bits::filled(9, 9, false);
+        bits.data[4 * 9 + 4] = true;
+        let distance = bits.distance();
+        assert!((distance.at(7, 8) - 5.0).abs() < 1e-5);
+        assert_eq!(distance.at(4, 4), 0.0);
+        assert_eq!(Bits::filled(3, 2, false).distance().data[0], 1e6);
+        assert!(Bits::filled(0, 0, false).distance().data.is_empty());
+    }
+
+    #[test]
+    fn parts_are_counted_once() {
+        let mut bits = Bits::filled(6, 4, false);
+        for (x, y) in [(0, 0), (2, 0), (1, 1), (5, 3)] {
+            bits.set(x, y, true);
+        }
+        assert_eq!(bits.components(true).parts.len(), 2);
+        assert_eq!(bits.components(false).parts.len(), 4);
+        assert_eq!(bits.components(true).parts[0].area, 3);
+    }
+}

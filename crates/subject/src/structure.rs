@@ -1,0 +1,413 @@
+//! What of a drawing, at working size, is the subject: lines and areas without
+//! clutter, the outline closed, holes and pieces decided.
+
+use image::GrayImage;
+
+use crate::options::{Hints, HolePolicy, SubjectOptions};
+use crate::pieces;
+use crate::raster::{Bits, Components, Raster, filled, grown};
+use crate::report::{Box2, DrawingKind, Gap, Piece, Point, Removed, RemovedKind, Warning};
+use crate::subject::erased;
+use crate::tone::Tone;
+use crate::{clutter, edges, gaps, lettering, strokes};
+
+/// A set of pixels at any size.
+pub(crate) type Area = Bits;
+
+/// More of the subject in areas of colour is a coloured drawing.
+const COLOURED: f64 = 0.3;
+/// And with more it is painted all over.
+const PAINTED: f64 = 0.6;
+/// Strokes are at most this wide, share of the figure's size.
+const THICKEST: f64 = 0.025;
+/// Colour differs clearly from paper from here on, levels.
+const CLEAR_COLOUR: f32 = 11.0;
+/// What differs from paper by less than this share of what painted areas do is
+/// a halo of their compression.
+const HALO: f32 = 0.18;
+/// A hole whose edge is to this share a mere stroke between it and the outside
+/// is a light area with an outline.
+const OUTLINED: f64 = 0.15;
+/// Smaller holes are the drawing's own noise, share of the figure's size.
+const LEAST_HOLE: f64 = 0.012;
+/// A gap that matters shuts in this share of the figure's size, squared.
+const LEAST_GAIN: f64 = 0.012;
+/// An outline that encloses less of its bounds is open.
+const OPEN_SHARE: f64 = 0.045;
+/// A border with more that is not paper is a backdrop.
+const BUSY: f64 = 0.5;
+const LEAST_CONTRAST: f32 = 40.0;
+
+/// The subject at working size.
+pub(crate) struct Structure {
+    pub(crate) kind: DrawingKind,
+    /// Working pixels are so many drawing pixels wide.
+    pub(crate) factor: usize,
+    pub(crate) inside: Area,
+    /// Pixels that hold paper off though nothing is drawn there.
+    pub(crate) bridged: Area,
+    /// Removed strokes, which are drawn but count for nothing.
+    pub(crate) cleared: Area,
+    /// The least colour difference that counts at full size; none in line art.
+    pub(crate) colour_from: Option<f32>,
+    pub(crate) stroke: f64,
+    pub(crate) removed: Vec<Removed>,
+    pub(crate) pieces: Vec<Piece>,
+    pub(crate) gaps: Vec<Gap>,
+    pub(crate) warnings: Vec<Warning>,
+}
+
+/// The figure's size, to which lengths are scaled: its height, or most of its
+/// width if that is larger.
+pub(crate) fn figure_size(bounds: &Box2) -> f64 {
+    f64::from(bounds.height()).max(0.6 * f64::from(bounds.width())).max(1.0)
+}
+
+impl Structure {
+    /// Of a drawing whose mask is known: only its pieces are decided.
+    pub(crate) fn of_mask(
+        mask: &GrayImage,
+        kind: DrawingKind,
+        tone: &Tone<'_>,
+        factor: usize,
+        hints: &Hints,
+        options: &SubjectOptions,
+    ) -> Self {
+        let (ink, _) = tone.reduced(factor);
+        let mut inside = reduced_mask(mask, factor);
+        let lines = above(&ink, tone.threshold);
+        let mut own = Self::empty(kind, factor, &inside);
+        own.stroke = stroke_of(&lines);
+        own.erase(hints, &mut inside);
+        if kind == DrawingKind::CutOut {
+            own.clean(&mut inside, options);
+            own.decide_pieces(inside, hints, options);
+        } else {
+            own.inside = inside;
+        }
+        own
+    }
+
+    /// Of a drawing on paper.
+    pub(crate) fn of_drawing(
+        tone: &Tone<'_>,
+        factor: usize,
+        hints: &Hints,
+        options: &SubjectOptions,
+    ) -> Self {
+        let (ink, colour) = tone.reduced(factor);
+        let mut lines = above(&ink, tone.threshold);
+        let mut own = Self::empty(DrawingKind::LineArt, factor, &lines);
+        own.stroke = stroke_of(&lines);
+        own.erase(hints, &mut lines);
+        own.clean(&mut lines, options);
+        let mut painted = above(&colour, tone.tolerance.max(CLEAR_COLOUR));
+        let around = own.cleared.dilated(2.0);
+        painted = painted.and_not(&around);
+        let areas = painted.opened((1.5 * own.stroke + 1.0) as f32);
+        let mut barrier = lines.clone().or(&areas);
+        let coverage = own.coverage(&barrier, &areas);
+        if coverage > COLOURED {
+            let from = tone.tolerance.max(CLEAR_COLOUR).max(HALO * typical(&colour, &areas));
+            let painted = painted.and_not(&above(&colour, from).not());
+            barrier = lines.clone().or(&painted.opened((0.5 * own.stroke).max(1.0) as f32));
+            own.colour_from = Some(from);
+            own.kind = if tone.is_shaded(&areas, factor) {
+                DrawingKind::Shaded
+            } else {
+                DrawingKind::Flat
+            };
+        }
+        let drawn = barrier.clone();
+        for side in edges::close(&mut barrier, own.stroke) {
+            own.warnings.push(Warning::CutByEdge { side });
+        }
+        // What is painted nearly all over has no gaps; its limbs are no strokes.
+        let inside = if coverage > PAINTED {
+            filled(&barrier)
+        } else {
+            own.close_gaps(&mut barrier, &lines, options)
+        };
+        own.bridged = barrier.clone().and_not(&drawn);
+        let inside = own.without_holes(inside, &barrier, &colour, &lines, options, hints);
+        own.decide_pieces(inside, hints, options);
+        own.judge(tone);
+        own
+    }
+
+    fn empty(kind: DrawingKind, factor: usize, like: &Bits) -> Self {
+        let none = Bits::filled(like.width, like.height, false);
+        Self {
+            kind,
+            factor,
+            inside: none.clone(),
+            bridged: none.clone(),
+            cleared: none,
+            colour_from: None,
+            stroke: 1.0,
+            removed: Vec::new(),
+            pieces: Vec::new(),
+            gaps: Vec::new(),
+            warnings: Vec::new(),
+        }
+    }
+
+    /// Clears what the hints say is paper.
+    fn erase(&mut self, hints: &Hints, bits: &mut Bits) {
+        for polygon in &hints.erase {
+            let mut area = Bits::filled(bits.width, bits.height, false);
+            let factor = self.factor as f64;
+            let scaled: Vec<Point> =
+                polygon.iter().map(|p| Point { x: p.x / factor, y: p.y / factor }).collect();
+            area.fill_polygon(&scaled, true);
+            if let Some(place) = area.bounds() {
+                self.removed.push(erased(place));
+            }
+            *bits = bits.clone().and_not(&area);
+            self.cleared = self.cleared.clone().or(&area);
+        }
+    }
+
+    /// Removes straight lines and lettering from `bits`.
+    fn clean(&mut self, bits: &mut Bits, options: &SubjectOptions) {
+        let before = bits.clone();
+        if options.clean.frames {
+            let cleaned = clutter::without_frame(bits, self.stroke);
+            self.removed.extend(cleaned.removed);
+            *bits = cleaned.ink;
+        }
+        self.clean_lettering(bits, options);
+        let cleaned = clutter::without_lines(bits, self.stroke, &options.clean);
+        let lined = !cleaned.removed.is_empty();
+        self.removed.extend(cleaned.removed);
+        *bits = cleaned.ink;
+        if lined {
+            self.clean_lettering(bits, options);
+        }
+        self.cleared = self.cleared.clone().or(&before.and_not(bits));
+    }
+
+    fn clean_lettering(&mut self, bits: &mut Bits, options: &SubjectOptions) {
+        if options.clean.captions {
+            let text = lettering::find(bits, self.stroke);
+            let caption = |place| Removed { kind: RemovedKind::Caption, place };
+            self.removed.extend(text.lines.into_iter().map(caption));
+            *bits = bits.clone().and_not(&text.pixels);
+        }
+    }
+
+    /// The share of what the barrier encloses that is in areas of colour.
+    fn coverage(&self, barrier: &Bits, areas: &Bits) -> f64 {
+        let inside = filled(barrier);
+        areas.count() as f64 / inside.count().max(1) as f64
+    }
+
+    fn close_gaps(&mut self, barrier: &mut Bits, lines: &Bits, options: &SubjectOptions) -> Bits {
+        let open = barrier.clone();
+        let bounds = main_bounds(barrier);
+        let size = figure_size(&bounds);
+        let least_area = ((LEAST_GAIN * size).powi(2) as usize).max(6);
+        let closed = gaps::close(barrier, lines, self.stroke, options.max_gap * size, least_area);
+        let gap = |b: &gaps::Bridge| Gap {
+            place: Point { x: b.middle.0, y: b.middle.1 },
+            width_px: b.width_px,
+        };
+        self.gaps = closed.bridges.iter().map(gap).collect();
+        let mut inside = closed.inside;
+        *barrier = closed.barrier;
+        if options.max_guessed_gap > options.max_gap {
+            let least_area = ((0.05 * size).powi(2) as usize).max(16);
+            let reach = options.max_guessed_gap * size;
+            let lines = lines.clone().or(&barrier.clone().and_not(&open));
+            let guessed = gaps::close(barrier, &lines, self.stroke, reach, least_area);
+            for bridge in &guessed.bridges {
+                let gap = gap(bridge);
+                self.gaps.push(gap);
+                if gap.width_px > options.max_gap * size {
+                    self.warnings.push(Warning::WideGap { gap });
+                }
+            }
+            if !guessed.bridges.is_empty() {
+                inside = guessed.inside;
+                *barrier = guessed.barrier;
+            }
+        }
+        inside
+    }
+
+    /// Takes away areas that show paper through the figure.
+    fn without_holes(
+        &self,
+        inside: Bits,
+        barrier: &Bits,
+        colour: &Raster<f32>,
+        lines: &Bits,
+        options: &SubjectOptions,
+        hints: &Hints,
+    ) -> Bits {
+        let coloured = matches!(self.kind, DrawingKind::Flat | DrawingKind::Shaded);
+        let cut = match options.holes {
+            HolePolicy::ByKind => coloured,
+            HolePolicy::Cut => true,
+            HolePolicy::Fill => false,
+        };
+        let bare = inside.clone().and_not(&grown(barrier));
+        let size = figure_size(&inside.bounds().unwrap_or_default());
+        let least = (LEAST_HOLE * size).max(2.0).powi(2);
+        let regions = bare.components(false);
+        let outside: Vec<f32> = colour
+            .data
+            .iter()
+            .zip(inside.data.iter().zip(&lines.data))
+            .filter(|(_, (inside, line))| !**inside && !**line)
+            .map(|(c, _)| *c)
+            .collect();
+        let usual = outside.iter().sum::<f32>() / outside.len().max(1) as f32;
+        let mut sums = vec![0.0_f64; regions.parts.len()];
+        for (i, &label) in regions.labels.iter().enumerate().filter(|(_, label)| **label != 0) {
+            sums[label as usize - 1] += f64::from(colour.data[i]);
+        }
+        let hit = |points: &[Point], k: usize| {
+            points.iter().any(|p| {
+                let (x, y) = ((p.x / self.factor as f64) as i64, (p.y / self.factor as f64) as i64);
+                let inside =
+                    x >= 0 && y >= 0 && (x as usize) < bare.width && (y as usize) < bare.height;
+                inside && regions.labels[y as usize * bare.width + x as usize] == k as u32 + 1
+            })
+        };
+        let outlined = self.outlined_shares(&inside, &regions, bare.width);
+        let is_hole = |k: usize| {
+            let part = &regions.parts[k];
+            if hit(&hints.attach, k) {
+                return false;
+            }
+            if hit(&hints.ignore, k) {
+                return true;
+            }
+            let mean = sums[k] / part.area as f64;
+            cut && part.area as f64 >= least
+                && mean <= f64::from(usual) + 1.2
+                && !holds_islands(&regions.labels, k as u32 + 1, &part.bounds, bare.width)
+                && outlined[k] < OUTLINED
+        };
+        let holes = regions.select(bare.width, is_hole);
+        if holes.count() == 0 {
+            return inside;
+        }
+        // Back to the strokes around them.
+        let near = grown(&grown(&holes)).and_not(barrier);
+        inside.and_not(&holes.or(&near))
+    }
+
+    /// Per region the share of its edge that is only a stroke away from the
+    /// outside.
+    fn outlined_shares(&self, inside: &Bits, regions: &Components, width: usize) -> Vec<f64> {
+        let outside = inside.not().distance();
+        let near = (2.0 * self.stroke + 3.0) as f32;
+        let mut edges = vec![(0_u32, 0_u32); regions.parts.len()];
+        for (i, &label) in regions.labels.iter().enumerate().filter(|(_, label)| **label != 0) {
+            let beside = [i.wrapping_sub(1), i + 1, i.wrapping_sub(width), i + width];
+            if beside.iter().any(|&j| regions.labels.get(j).copied().unwrap_or(0) != label) {
+                let (all, thin) = &mut edges[label as usize - 1];
+                *all += 1;
+                *thin += u32::from(outside.data[i] <= near);
+            }
+        }
+        edges.iter().map(|(all, thin)| f64::from(*thin) / f64::from((*all).max(1))).collect()
+    }
+
+    fn decide_pieces(&mut self, inside: Bits, hints: &Hints, options: &SubjectOptions) {
+        let decided = pieces::decide(&inside, hints, self.factor, options.attach_distance);
+        self.pieces = decided.pieces;
+        self.warnings.extend(decided.warnings);
+        self.removed.extend(decided.specks);
+        self.inside = decided.kept;
+    }
+
+    /// Warns of what makes the silhouette doubtful.
+    fn judge(&mut self, tone: &Tone<'_>) {
+        let bounds = self.inside.bounds().unwrap_or_default();
+        let area = self.inside.count() as f64;
+        let share = area / (f64::from(bounds.width()) * f64::from(bounds.height())).max(1.0);
+        if share < OPEN_SHARE && area > 0.0 {
+            let gap = self.gaps.iter().max_by(|a, b| a.width_px.total_cmp(&b.width_px)).copied();
+            self.warnings.push(Warning::OpenOutline { share, gap });
+        }
+        if tone.contrast < LEAST_CONTRAST.max(8.0 * tone.noise()) && self.colour_from.is_none() {
+            self.warnings.push(Warning::LowContrast {
+                contrast: f64::from(tone.contrast),
+                noise: f64::from(tone.noise()),
+            });
+        }
+        if tone.foreign_border() > BUSY {
+            self.warnings.push(Warning::BusyPaper { share: tone.foreign_border() });
+        }
+    }
+}
+
+/// The width of most strokes; filled figures have none that counts.
+fn stroke_of(lines: &Bits) -> f64 {
+    let most = (THICKEST * figure_size(&main_bounds(lines))).max(1.0);
+    strokes::typical_width(lines).min(most)
+}
+
+/// The median of `values` in `area`.
+fn typical(values: &Raster<f32>, area: &Bits) -> f32 {
+    let mut inner: Vec<f32> =
+        values.data.iter().zip(&area.data).filter(|(_, is)| **is).map(|(v, _)| *v).collect();
+    if inner.is_empty() {
+        return 0.0;
+    }
+    let middle = inner.len() / 2;
+    *inner.select_nth_unstable_by(middle, f32::total_cmp).1
+}
+
+/// Whether a region encloses drawn parts that do not touch what is around it.
+fn holds_islands(labels: &[u32], own: u32, bounds: &Box2, width: usize) -> bool {
+    let (w, h) = (bounds.width() as usize + 2, bounds.height() as usize + 2);
+    let mut open = Bits::filled(w, h, true);
+    let mut area = 0;
+    for y in 0..bounds.height() as usize {
+        for x in 0..bounds.width() as usize {
+            let at = (y + bounds.top as usize) * width + x + bounds.left as usize;
+            if labels[at] == own {
+                open.data[(y + 1) * w + x + 1] = false;
+                area += 1;
+            }
+        }
+    }
+    let outside = open.reached_from_border();
+    let islands = open.and_not(&outside).count();
+    islands * 100 > area
+}
+
+/// The bounds of the largest connected part and of what is near its size.
+fn main_bounds(bits: &Bits) -> Box2 {
+    let parts = bits.components(true).parts;
+    let side = |b: &Box2| b.width().max(b.height());
+    let largest = parts.iter().map(|part| side(&part.bounds)).max().unwrap_or(1);
+    let large = parts.iter().filter(|part| side(&part.bounds) * 5 >= largest);
+    large.map(|part| part.bounds).reduce(|a, b| a.joined(&b)).unwrap_or_default()
+}
+
+pub(crate) fn above(values: &Raster<f32>, threshold: f32) -> Bits {
+    let data = values.data.iter().map(|value| *value > threshold).collect();
+    Bits { width: values.width, height: values.height, data }
+}
+
+fn reduced_mask(mask: &GrayImage, factor: usize) -> Bits {
+    let (w, h) = (mask.width() as usize, mask.height() as usize);
+    let (rw, rh) = (w.div_ceil(factor), h.div_ceil(factor));
+    let mut counts = vec![0_u32; rw * rh];
+    for (y, row) in mask.as_raw().chunks_exact(w.max(1)).enumerate() {
+        for (x, level) in row.iter().enumerate() {
+            counts[y / factor * rw + x / factor] += u32::from(*level >= 128);
+        }
+    }
+    // A thin part of the mask stays.
+    let data = counts
+        .iter()
+        .map(|count| *count as usize * 4 > factor * factor || (factor == 1 && *count > 0))
+        .collect();
+    Bits { width: rw, height: rh, data }
+}
