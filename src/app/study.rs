@@ -144,12 +144,8 @@ fn study_sheet(
 fn view(folder: &Path, placed: &PlacedView) -> Result<View> {
     let drawing = picture::decode(&read(folder, &placed.image)?, &ImageLimits::default())
         .map_err(|error| anyhow!("{} {error}", placed.image))?;
-    Ok(View {
-        azimuth: placed.azimuth,
-        elevation_deg: placed.elevation_deg,
-        image: drawing.gray,
-        mask: drawing.alpha,
-    })
+    let level = View::level(placed.azimuth, drawing.gray, drawing.alpha);
+    Ok(View { elevation_deg: placed.elevation_deg, ..level })
 }
 
 fn read(folder: &Path, name: &str) -> Result<Vec<u8>> {

@@ -1,9 +1,12 @@
 //! A document's pictures, checked by their headers and decoded.
 
+use image::{GrayImage, RgbaImage, imageops};
+use picture::Drawing;
 use rayon::ThreadPool;
 use rayon::prelude::*;
 
-use super::options::Options;
+use super::options::{self, Method, Options};
+use super::subjects::{self, Preparation};
 use super::{DraftError, ReadImage};
 use crate::failure_code::FailureCode;
 use frames::Azimuth;
@@ -21,7 +24,14 @@ struct Inspected<'a> {
     height_px: u32,
 }
 
-/// Reads, checks and decodes the views of a document.
+/// A sheet that a method can work from, and what was done to its drawings.
+pub(super) struct DecodedSheet {
+    pub sheet: Sheet,
+    pub preparation: Option<Preparation>,
+}
+
+/// Reads, checks and decodes the views of a document, and prepares them for the
+/// method.
 ///
 /// Everything that headers tell is checked before the first pixel is decoded.
 pub(super) fn decode_sheet(
@@ -31,7 +41,7 @@ pub(super) fn decode_sheet(
     limits: &ImageLimits,
     pool: &ThreadPool,
     observer: &dyn Observer,
-) -> Result<Sheet, DraftError> {
+) -> Result<DecodedSheet, DraftError> {
     let required = options.method.minimum_views();
     let found = document.views.len();
     if found < required {
@@ -63,10 +73,18 @@ pub(super) fn decode_sheet(
         unit: None,
         fraction: 1.0,
     });
-    Sheet::new(views)
+    let (views, preparation) = match (options.method, options.sheet.prepare) {
+        (Method::Turntable, options::Preparation::Auto) => {
+            let (views, done) = pool.install(|| subjects::prepare(views, options, observer))?;
+            (views, Some(done))
+        }
+        _ => (views.into_iter().map(DecodedView::as_drawn).collect(), None),
+    };
+    let sheet = Sheet::new(views)
         .map_err(|error| DraftError::input(FailureCode::InvalidSheet, error))?
         .with_matches(&document.matches, options.max_pair_angle_deg)
-        .map_err(|error| DraftError::input(FailureCode::InvalidMatches, error))
+        .map_err(|error| DraftError::input(FailureCode::InvalidMatches, error))?;
+    Ok(DecodedSheet { sheet, preparation })
 }
 
 fn inspect<'a>(
@@ -115,7 +133,9 @@ fn check_sizes(
             return Err(DraftError::input(FailureCode::SizesDiffer, detail));
         }
     }
-    check_memory(views.len(), (first.width_px, first.height_px), options, threads)
+    let largest = |pick: fn(&Inspected<'_>) -> u32| views.iter().map(pick).max().unwrap_or(0);
+    let size = (largest(|view| view.width_px), largest(|view| view.height_px));
+    check_memory(views.len(), size, options, threads)
 }
 
 /// What a reconstruction may hold in memory at once, bytes.
@@ -140,34 +160,54 @@ fn check_memory(
     Err(DraftError::input(code, detail))
 }
 
-fn decode(
-    view: &Inspected<'_>,
+/// A view's pictures, decoded.
+pub(super) struct DecodedView<'a> {
+    pub document: &'a ViewDocument,
+    pub azimuth: Azimuth,
+    pub elevation_deg: f64,
+    pub drawing: RgbaImage,
+    /// Given as a file; 128 and above inside.
+    pub mask: Option<GrayImage>,
+}
+
+impl DecodedView<'_> {
+    /// The drawing as it is, in grey, transparency being the mask.
+    fn as_drawn(self) -> View {
+        let Drawing { gray, alpha } = picture::flatten(&self.drawing);
+        let level = View::level(self.azimuth, gray, self.mask.or(alpha));
+        View { elevation_deg: self.elevation_deg, ..level }
+    }
+}
+
+fn decode<'a>(
+    view: &Inspected<'a>,
     default_elevation_deg: f64,
     limits: &ImageLimits,
-) -> Result<View, DraftError> {
-    let decode = |name: &str, bytes: &[u8]| {
-        picture::decode(bytes, limits).map_err(|error| {
-            DraftError::input(FailureCode::InvalidImage, format!("image {name} {error}"))
-        })
+) -> Result<DecodedView<'a>, DraftError> {
+    let refuse = |name: &str, error: picture::ImageError| {
+        DraftError::input(FailureCode::InvalidImage, format!("image {name} {error}"))
     };
-    let drawing = decode(&view.document.image, &view.drawing)?;
-    let mask = match (&view.mask, &view.document.mask) {
-        (Some(bytes), Some(name)) => Some(decode(name, bytes)?.gray),
-        _ => drawing.alpha,
+    let document = view.document;
+    let mut drawing = picture::decode_color(&view.drawing, limits)
+        .map_err(|error| refuse(&document.image, error))?;
+    let mut mask = match (&view.mask, &document.mask) {
+        (Some(bytes), Some(name)) => {
+            Some(picture::decode(bytes, limits).map_err(|error| refuse(name, error))?.gray)
+        }
+        _ => None,
     };
-    Ok(View {
-        azimuth: view.azimuth,
-        elevation_deg: view.document.elevation_deg.unwrap_or(default_elevation_deg),
-        image: drawing.gray,
-        mask,
-    })
+    if document.mirrored {
+        imageops::flip_horizontal_in_place(&mut drawing);
+        mask.as_mut().map(imageops::flip_horizontal_in_place);
+    }
+    let elevation_deg = document.elevation_deg.unwrap_or(default_elevation_deg);
+    Ok(DecodedView { document, azimuth: view.azimuth, elevation_deg, drawing, mask })
 }
 
 #[cfg(test)]
 mod tests {
     use uncalibrated::options::{DisparityOptions, SgbmMode};
 
-    use super::super::options::Method;
     use super::*;
 
     #[test]

@@ -5,6 +5,7 @@ mod error;
 mod exporter;
 pub mod options;
 mod report;
+mod subjects;
 mod timing;
 mod truth;
 mod turntable;
@@ -14,6 +15,8 @@ use std::io;
 use std::thread;
 
 use artifacts::{ArtifactSink, Delivery};
+use frames::Azimuth;
+use image::{GrayImage, RgbaImage};
 use picture::ImageLimits;
 use progress::{Observer, Silent};
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -21,8 +24,9 @@ use serde::{Deserialize, Serialize};
 use sheet::{Sheet, SheetDocument};
 
 use crate::failure_code::FailureCode;
-use decode::decode_sheet;
+use decode::{DecodedSheet, decode_sheet};
 use options::{Method, Options};
+use subjects::Preparation;
 use timing::Timed;
 use truth::Truths;
 
@@ -73,12 +77,23 @@ pub fn produce(
     let options = options_of(document)?;
     let pool = pool(threads)?;
     let timed = Timed::new(observer);
-    let sheet = decode_sheet(document, &options, read, limits, &pool, &timed.decoding())?;
+    let DecodedSheet { sheet, preparation } =
+        decode_sheet(document, &options, read, limits, &pool, &timed.decoding())?;
+    let moved = preparation.as_ref().is_some_and(|done| done.alignment.is_some());
+    let in_place = (!moved).then_some(&sheet);
     let inputs = (read, limits, &options.evaluation);
-    let truths = Truths::read(document, &sheet, inputs, &pool, &timed.decoding())?;
+    let truths = Truths::read(document, in_place, inputs, &pool, &timed.decoding())?;
     let (truths, timed) = (truths.as_ref(), &timed);
-    let run =
-        Run { document, sheet: &sheet, options: &options, truths, pool: &pool, threads, timed };
+    let run = Run {
+        document,
+        sheet: &sheet,
+        preparation: preparation.as_ref(),
+        options: &options,
+        truths,
+        pool: &pool,
+        threads,
+        timed,
+    };
     thread::scope(|scope| {
         let delivery = Delivery::start(scope, sink);
         match options.method {
@@ -92,6 +107,7 @@ pub fn produce(
 pub struct Decoded<'a> {
     document: &'a SheetDocument,
     sheet: Sheet,
+    preparation: Option<Preparation>,
     options: Options,
     pool: ThreadPool,
 }
@@ -108,8 +124,27 @@ impl<'a> Decoded<'a> {
         threads: usize,
     ) -> Result<Self, DraftError> {
         let (options, pool) = (options_of(document)?, pool(threads)?);
-        let sheet = decode_sheet(document, &options, read, limits, &pool, &Silent)?;
-        Ok(Self { document, sheet, options, pool })
+        let DecodedSheet { sheet, preparation } =
+            decode_sheet(document, &options, read, limits, &pool, &Silent)?;
+        Ok(Self { document, sheet, preparation, options, pool })
+    }
+
+    /// What a person should know of the drawings.
+    pub fn warnings(&self) -> &[String] {
+        self.preparation.as_ref().map_or(&[], |done| &done.warnings)
+    }
+
+    /// Each subject's area as it was found, 255 inside.
+    pub fn masks(&self) -> Vec<(Azimuth, GrayImage)> {
+        let pictures = self.preparation.as_ref().map_or(&[][..], |done| &done.cut_outs);
+        let mask = |(azimuth, picture): &(Azimuth, RgbaImage)| {
+            let alpha = picture.pixels().map(|pixel| pixel.0[3]).collect();
+            (
+                *azimuth,
+                GrayImage::from_raw(picture.width(), picture.height(), alpha).unwrap_or_default(),
+            )
+        };
+        pictures.iter().map(mask).collect()
     }
 
     /// What the method finds.
@@ -126,6 +161,8 @@ impl<'a> Decoded<'a> {
 struct Run<'a> {
     document: &'a SheetDocument,
     sheet: &'a Sheet,
+    /// What was done to the drawings; `None` if they were taken as they are.
+    preparation: Option<&'a Preparation>,
     options: &'a Options,
     truths: Option<&'a Truths<'a>>,
     pool: &'a ThreadPool,

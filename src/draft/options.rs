@@ -12,6 +12,7 @@ use options::{OptionProblem, OptionProblems, OptionSet, Schema};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
+use subject::CleanOptions;
 use turntable::options::TurntableOptions;
 use uncalibrated::options::{
     CloudOptions, DetectionOptions, DisparityOptions, EpipolarOptions, MatchingOptions,
@@ -29,6 +30,39 @@ pub enum Method {
     /// given; at least two level views of one size.
     #[default]
     Turntable,
+}
+
+/// Whether drawings are cleaned and laid on one canvas first.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Preparation {
+    /// Where a drawing is more than clean lines on white.
+    #[default]
+    Auto,
+    /// Drawings are taken as they are: dark lines on light paper, one size.
+    Off,
+}
+
+/// What is done about views that fit better at another angle or mirrored.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Repair {
+    /// They are named, nothing is changed.
+    #[default]
+    Report,
+    /// The best suggestion is followed, and named.
+    Apply,
+}
+
+/// How a sheet's drawings become views that fit together.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct SheetOptions {
+    /// Whether the subject is looked for in each drawing, and views of differing
+    /// size or place are laid on one canvas.
+    pub prepare: Preparation,
+    /// What is done about views that fit better otherwise.
+    pub repair: Repair,
 }
 
 /// The options of one reconstruction, nested by stage.
@@ -51,6 +85,10 @@ pub struct Options {
     pub cloud: CloudOptions,
     pub merge: MergeOptions,
     pub turntable: TurntableOptions,
+    /// What is removed from drawings before the default method uses them.
+    pub clean: CleanOptions,
+    /// How the default method reads the sheet as a whole.
+    pub sheet: SheetOptions,
     pub export: ExportOptions,
     pub evaluation: EvaluationOptions,
 }
@@ -68,6 +106,8 @@ impl Default for Options {
             cloud: CloudOptions::default(),
             merge: MergeOptions::default(),
             turntable: TurntableOptions::default(),
+            clean: CleanOptions::default(),
+            sheet: SheetOptions::default(),
             export: ExportOptions::default(),
             evaluation: EvaluationOptions::default(),
         }
@@ -86,7 +126,8 @@ impl Method {
     /// Whether every view must have the same width and height.
     pub fn needs_equal_sizes(self) -> bool {
         match self {
-            Self::Uncalibrated | Self::Turntable => true,
+            Self::Uncalibrated => true,
+            Self::Turntable => false,
         }
     }
 }

@@ -4,8 +4,10 @@ use artifacts::{AbsentArtifact, DepthPicture};
 use evaluation::TruthReport;
 use picture::EncodeError;
 use serde::Serialize;
+use subject::Alignment;
 
 use super::options::Options;
+use super::subjects::{DrawingReport, Preparation, SuggestionReport};
 
 /// The metrics artifact; `M` is what the method measures.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -18,6 +20,9 @@ pub(super) struct MetricsDocument<'a, M> {
     pub options: &'a Options,
     #[serde(flatten)]
     pub metrics: &'a M,
+    /// What was found in the drawings and done to them; null where they were
+    /// taken as they are.
+    pub sheet: Option<SheetReport<'a>>,
     /// Against what is known to be true; null without truth.
     pub truth: Option<&'a TruthReport>,
     /// Sheet pixels a metre of the exported meshes and clouds.
@@ -27,6 +32,25 @@ pub(super) struct MetricsDocument<'a, M> {
     /// Names of the files made before this one.
     pub artifacts: &'a [String],
     pub absent_artifacts: &'a [AbsentArtifact],
+}
+
+/// What was found in the drawings and done to them.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(super) struct SheetReport<'a> {
+    drawings: &'a [DrawingReport],
+    /// How views were laid on one canvas; null where they were left in place.
+    alignment: Option<&'a Alignment>,
+    suggestions: &'a [SuggestionReport],
+}
+
+impl<'a> SheetReport<'a> {
+    pub(super) fn of(preparation: &'a Preparation) -> Self {
+        Self {
+            drawings: &preparation.drawings,
+            alignment: preparation.alignment.as_ref(),
+            suggestions: &preparation.suggestions,
+        }
+    }
 }
 
 impl<M: Serialize> MetricsDocument<'_, M> {

@@ -39,6 +39,8 @@ struct NamedTruth<'a> {
 impl<'a> Truths<'a> {
     /// Reads and checks all that `document` names.
     ///
+    /// * `sheet`: the drawings, unless they were laid on another canvas.
+    ///
     /// Returns `None` if it names nothing.
     ///
     /// # Errors
@@ -46,7 +48,7 @@ impl<'a> Truths<'a> {
     /// or another size than its view, and for a model that cannot be read.
     pub(super) fn read(
         document: &'a SheetDocument,
-        sheet: &Sheet,
+        sheet: Option<&Sheet>,
         (read, limits, options): (ReadImage<'a>, &'a ImageLimits, &EvaluationOptions),
         pool: &ThreadPool,
         observer: &dyn Observer,
@@ -75,7 +77,7 @@ impl<'a> Truths<'a> {
         Ok(Some(truths))
     }
 
-    fn check(&self, view: &NamedTruth<'_>, sheet: &Sheet) -> Result<(), DraftError> {
+    fn check(&self, view: &NamedTruth<'_>, sheet: Option<&Sheet>) -> Result<(), DraftError> {
         let (raw, truth) = self.decode(view)?;
         let refuse = |what: String| {
             Err(DraftError::input(
@@ -84,7 +86,8 @@ impl<'a> Truths<'a> {
             ))
         };
         let size = raw.values.dimensions();
-        let drawing = sheet.views().iter().find(|drawn| drawn.azimuth == view.azimuth);
+        let views = sheet.map_or(&[][..], Sheet::views);
+        let drawing = views.iter().find(|drawn| drawn.azimuth == view.azimuth);
         if let Some(expected) = drawing.map(|drawn| drawn.image.dimensions())
             && size != expected
         {

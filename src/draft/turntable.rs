@@ -1,18 +1,20 @@
 //! The method `turntable` as a job: reconstruct, measure, export.
 
-use artifacts::{Artifact, ArtifactName, Delivery, Files};
+use artifacts::{Artifact, ArtifactName, Delivery, Files, ViewArtifact};
 use evaluation::{
     TruthReport, ViewComparison, ViewTruth, compare_silhouettes, disparity_from_depth,
     evaluate_view, true_mask,
 };
 use frames::{Azimuth, Placement};
+use picture::png;
 use progress::Observer;
 use rayon::ThreadPool;
 use turntable::export::{model_files, view_files};
 use turntable::{Draft, metrics};
 
 use super::exporter::Exporter;
-use super::report::MetricsDocument;
+use super::report::{MetricsDocument, SheetReport};
+use super::subjects::Preparation;
 use super::truth::Truths;
 use super::{DraftError, Run, Summary};
 
@@ -21,13 +23,15 @@ const UNITS_AFTER_VIEWS: usize = 4;
 
 /// Runs the method and hands over what it leaves behind.
 pub(super) fn run(run: &Run<'_>, delivery: Delivery<'_>) -> Result<Summary, DraftError> {
-    let Run { document, sheet, options, truths, pool, threads, timed } = *run;
+    let Run { document, sheet, preparation, options, truths, pool, threads, timed } = *run;
     let own = &options.turntable;
     let reconstructing = timed.reconstructing();
     let draft =
         pool.install(|| turntable::reconstruct(sheet, &document.holes, own, &reconstructing))?;
     timed.computed();
-    let found = metrics::measure(&draft, own);
+    let mut found = pool.install(|| metrics::measure(&draft, own));
+    let said = preparation.map_or(&[][..], |done| &done.warnings);
+    found.warnings.splice(0..0, said.iter().cloned());
     let exporting = timed.exporting();
     let truth = against_truth(&draft, truths, pool, &exporting)?;
     let bounds = draft.solid.mesh.bounds();
@@ -36,7 +40,11 @@ pub(super) fn run(run: &Run<'_>, delivery: Delivery<'_>) -> Result<Summary, Draf
     let units = draft.depths.len() + UNITS_AFTER_VIEWS;
     let mut exporter = Exporter::new(units, pool, &exporting, delivery);
     let views: Vec<usize> = (0..draft.depths.len()).collect();
-    exporter.each(&views, |&index| Ok(view_files(&draft, index)?))?;
+    exporter.each(&views, |&index| {
+        let mut files = view_files(&draft, index)?;
+        files.artifacts.extend(cut_out(preparation, draft.depths[index].azimuth)?);
+        Ok(files)
+    })?;
     exporter.take(model_files(&draft, &placement, own.reference_planes)?)?;
     exporter.unit_done("mesh")?;
     for name in [ArtifactName::Cloud, ArtifactName::Hull] {
@@ -48,6 +56,7 @@ pub(super) fn run(run: &Run<'_>, delivery: Delivery<'_>) -> Result<Summary, Draf
         height_px: draft.views.height(),
         options,
         metrics: &found,
+        sheet: preparation.map(SheetReport::of),
         truth: truth.as_ref(),
         pixels_per_metre: Some(placement.pixels_per_metre()),
         depth_pictures: exporter.take_depth_pictures(),
@@ -64,6 +73,19 @@ pub(super) fn run(run: &Run<'_>, delivery: Delivery<'_>) -> Result<Summary, Draf
         artifacts: exporter.finish(timed, threads)?,
         warnings: found.warnings,
     })
+}
+
+/// The subject cut out of its drawing, in colour.
+fn cut_out(
+    preparation: Option<&Preparation>,
+    azimuth: Azimuth,
+) -> Result<Option<Artifact>, DraftError> {
+    let pictures = preparation.map_or(&[][..], |done| &done.cut_outs);
+    let Some((_, picture)) = pictures.iter().find(|(own, _)| *own == azimuth) else {
+        return Ok(None);
+    };
+    let name = ArtifactName::View(azimuth, ViewArtifact::SubjectPng);
+    Ok(Some(Artifact::new(name, png(picture)?)))
 }
 
 /// Holds the maps and the solid against what is known to be true.
@@ -88,6 +110,10 @@ fn compare_view(
     else {
         return Ok(ViewComparison::default());
     };
+    // A sheet laid on a canvas of its own cannot be compared pixel by pixel.
+    if true_mask(truth).dimensions() != silhouette.mask().dimensions() {
+        return Ok(ViewComparison::default());
+    }
     let depth = evaluate_view(&disparity_from_depth(&view.map.depth_px), truth)
         .map_err(DraftError::internal)?;
     let silhouette =

@@ -189,8 +189,10 @@ fn every_artifact_is_there_and_readable() {
             "depth.png",
             "disparity.pfm",
             "disparity.png",
+            "fit.png",
             "normals.png",
             "silhouette.png",
+            "subject.png",
         ]
         .map(|file| format!("views/{azimuth}/{file}"))
     });
@@ -281,7 +283,44 @@ fn unsuitable_views_are_refused_with_a_remedy() {
     document.views[1].elevation_deg = Some(30.0);
     assert_eq!(input_error(&document, &files).0, "elevation_unsupported");
 
-    let (document, mut files) = boxes(&[0.0, 90.0]);
+    let (mut document, mut files) = boxes(&[0.0, 90.0]);
     files.insert("90.png".to_owned(), png(&GrayImage::new(SIDE, SIDE / 2)));
-    assert_eq!(input_error(&document, &files).0, "sizes_differ");
+    assert_eq!(input_error(&document, &files).0, "no_paper");
+    ::options::merge(
+        document.options.get_or_insert_default(),
+        json!({"sheet": {"prepare": "off"}}),
+    );
+    assert_eq!(input_error(&document, &files).0, "invalid_views");
+}
+
+#[test]
+fn views_in_frames_of_their_own_are_laid_on_one_canvas() {
+    let (document, mut files) = boxes(&[0.0, 45.0, 90.0]);
+    let (_, as_drawn) = run(&document, &files, 2, &Silent).unwrap();
+    // The side, twice as large on a page of its own.
+    let page = image::imageops::resize(
+        &drawing(90.0),
+        SIDE * 2,
+        SIDE * 2,
+        image::imageops::FilterType::Triangle,
+    );
+    let cropped = image::imageops::crop_imm(&page, 30, 20, SIDE * 2 - 70, SIDE * 2 - 40);
+    files.insert("90.png".to_owned(), png(&cropped.to_image()));
+    let (_, artifacts) = run(&document, &files, 2, &Silent).unwrap();
+    let metrics = metrics(&artifacts);
+    let views = metrics["sheet"]["alignment"]["views"].as_array().unwrap();
+    let scale = |index: usize| views[index]["transform"]["scale"].as_f64().unwrap();
+    assert!((scale(2) / scale(0) - 0.5).abs() < 0.01, "{views:?}");
+    let height = |artifacts: &[Artifact]| {
+        let solid = bytes_of(artifacts, "solid.obj");
+        let text = String::from_utf8_lossy(solid).into_owned();
+        let vertices = text.lines().filter(|line| line.starts_with("v "));
+        vertices
+            .map(|line| line.split(' ').nth(1).unwrap().parse::<f64>().unwrap())
+            .fold(0.0, f64::max)
+    };
+    assert!((height(&artifacts) / height(&as_drawn) - 1.0).abs() < 0.05);
+    for fit in metrics["fit"].as_array().unwrap() {
+        assert!(fit["silhouette_iou"].as_f64().unwrap() > 0.95, "{fit}");
+    }
 }

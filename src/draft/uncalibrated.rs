@@ -134,6 +134,7 @@ impl<'a, 'e> Uncalibrated<'a, 'e> {
             height_px,
             options: self.options,
             metrics,
+            sheet: None,
             truth,
             pixels_per_metre: self.placement.map(|placement| placement.pixels_per_metre()),
             depth_pictures: self.exporter.take_depth_pictures(),

@@ -24,6 +24,10 @@ pub enum ViewArtifact {
     NormalsPng,
     /// The subject's area, white.
     SilhouettePng,
+    /// The subject cut out of the drawing, in colour.
+    SubjectPng,
+    /// The drawing with the draft's outline, drawn again, over it.
+    FitPng,
 }
 
 /// Which file of a pair of views.
@@ -68,10 +72,14 @@ impl ArtifactName {
     /// The media type of the bytes.
     pub fn media_type(self) -> &'static str {
         use ViewArtifact::{
-            DepthPfm, DepthPng, DisparityPfm, DisparityPng, NormalsPng, SilhouettePng,
+            DepthPfm, DepthPng, DisparityPfm, DisparityPng, FitPng, NormalsPng, SilhouettePng,
+            SubjectPng,
         };
         match self {
-            Self::View(_, DisparityPng | DepthPng | NormalsPng | SilhouettePng)
+            Self::View(
+                _,
+                DisparityPng | DepthPng | NormalsPng | SilhouettePng | SubjectPng | FitPng,
+            )
             | Self::Pair(_, _, PairArtifact::MatchesPng | PairArtifact::RectifiedPng)
             | Self::Thumbnail => "image/png",
             Self::View(_, DisparityPfm | DepthPfm) => PFM_MEDIA_TYPE,
@@ -98,6 +106,8 @@ impl fmt::Display for ArtifactName {
                     ViewArtifact::DepthPfm => "depth.pfm",
                     ViewArtifact::NormalsPng => "normals.png",
                     ViewArtifact::SilhouettePng => "silhouette.png",
+                    ViewArtifact::SubjectPng => "subject.png",
+                    ViewArtifact::FitPng => "fit.png",
                 };
                 write!(f, "views/{azimuth}/{file}")
             }

@@ -7,6 +7,7 @@
 mod bvh;
 mod camera;
 mod chain;
+mod closing;
 mod degrade;
 mod degrade_options;
 mod documents;

@@ -8,6 +8,7 @@ use image::{DynamicImage, GrayImage, Luma, LumaA};
 use super::bvh::TriangleTree;
 use super::camera::Camera;
 use super::chain::{Piece, Stroke, chain};
+use super::closing::close_outline;
 use super::degrade::{Degradation, ViewError, view_random};
 use super::features::{Node, Segment, ViewedModel};
 use super::ink::ink_coverage;
@@ -83,7 +84,7 @@ impl<'a> Drawer<'a> {
         if let Some(degradation) = &self.degradation {
             strokes = degradation.redraw(&strokes, &mut random);
         }
-        let ink = ink_coverage(
+        let mut ink = ink_coverage(
             &strokes,
             self.options.width_px,
             self.options.height_px,
@@ -91,7 +92,10 @@ impl<'a> Drawer<'a> {
             self.options.line_width_px,
         );
         let image = match &self.degradation {
-            None => on_background(&ink, self.options.background),
+            None => {
+                close_outline(&mut ink, &truth.mask);
+                on_background(&ink, self.options.background)
+            }
             Some(degradation) => {
                 let grey = degradation.on_paper(&ink, &mut random);
                 compressed(grey, degradation.jpeg_quality)?

@@ -2,6 +2,8 @@
 
 use std::io::Cursor;
 
+use super::kinds;
+
 use image::metadata::Orientation;
 use image::{
     DynamicImage, GrayImage, ImageDecoder, ImageError as DecodeError, ImageFormat, ImageReader,
@@ -75,8 +77,16 @@ pub enum ImageError {
         limit: u64,
     },
     /// The bytes begin as none of the accepted formats does.
-    #[error("is not a PNG, JPEG, WebP or TIFF image")]
+    #[error("is not a PNG, JPEG, WebP, TIFF or GIF image")]
     NotAnImage,
+    /// It is a picture, but of a kind that is not read.
+    #[error("is {kind}, which is not read; {remedy}")]
+    Unsupported {
+        /// What it is.
+        kind: &'static str,
+        /// What to send instead.
+        remedy: &'static str,
+    },
     /// The picture is too large to be decoded.
     #[error("is {width}x{height}, over the limit of {max_pixels} pixels and {max_side_px} a side")]
     TooManyPixels {
@@ -114,9 +124,12 @@ pub fn inspect(bytes: &[u8], limits: &ImageLimits) -> Result<(ImageFormat, u32, 
     if size > limits.max_bytes {
         return Err(ImageError::TooManyBytes { bytes: size, limit: limits.max_bytes });
     }
+    if let Some(kind) = kinds::not_read(bytes) {
+        return Err(ImageError::Unsupported { kind, remedy: kinds::REMEDY });
+    }
     let format = image::guess_format(bytes).map_err(|_| ImageError::NotAnImage)?;
-    use ImageFormat::{Jpeg, Png, Tiff, WebP};
-    if !matches!(format, Png | Jpeg | WebP | Tiff) {
+    use ImageFormat::{Gif, Jpeg, Png, Tiff, WebP};
+    if !matches!(format, Png | Jpeg | WebP | Tiff | Gif) {
         return Err(ImageError::NotAnImage);
     }
     let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
@@ -174,6 +187,9 @@ pub fn decode_color(bytes: &[u8], limits: &ImageLimits) -> Result<RgbaImage, Ima
 /// The picture as it is looked at: turned as its EXIF orientation says.
 fn decoded(bytes: &[u8], limits: &ImageLimits) -> Result<DynamicImage, ImageError> {
     let (format, width, height) = inspect(bytes, limits)?;
+    if let Some(kind) = kinds::several(bytes, format, ImageLimits::of_picture(width, height)) {
+        return Err(ImageError::Unsupported { kind, remedy: kinds::ONE_BY_ONE });
+    }
     let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
     reader.limits(ImageLimits::of_header());
     let mut decoder = reader.into_decoder().map_err(damaged)?;
@@ -299,7 +315,7 @@ mod tests {
 
     #[test]
     fn text_is_not_an_image() {
-        let error = decode(b"<svg></svg>", &ImageLimits::default()).unwrap_err();
+        let error = decode(b"a letter", &ImageLimits::default()).unwrap_err();
         assert_eq!(error, ImageError::NotAnImage);
         assert_eq!(decode(b"", &ImageLimits::default()).unwrap_err(), ImageError::NotAnImage);
     }

@@ -7,6 +7,7 @@
 
 mod decode;
 mod float_image;
+mod kinds;
 mod maps;
 mod pfm;
 mod png;

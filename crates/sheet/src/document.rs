@@ -57,6 +57,21 @@ pub struct ViewDocument {
     /// Name of the subject's mask: white inside.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mask: Option<String>,
+    /// The subject's outline by hand, px from the drawing's top left corner.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub polygon: Vec<[f64; 2]>,
+    /// Areas that are paper, whatever is drawn there: polygons, px.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub erase: Vec<Vec<[f64; 2]>>,
+    /// Points in pieces of the drawing that are of the subject, px.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub attach: Vec<[f64; 2]>,
+    /// Points in pieces of the drawing that are not of the subject, px.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub ignore: Vec<[f64; 2]>,
+    /// Whether the drawing is mirrored: it is turned back before it is used.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub mirrored: bool,
     /// Name of the true depth picture: distance from the camera plane, as an 8-
     /// or 16-bit PNG (counts, 0 is background), PFM or EXR (units).
     #[serde(default, skip_serializing_if = "Option::is_none")]

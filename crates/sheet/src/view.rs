@@ -1,6 +1,6 @@
 //! Decoded views, and the sheet that they make.
 
-use image::GrayImage;
+use image::{GrayImage, RgbImage};
 
 use super::PictureSize;
 use super::matches::{MatchEdit, MatchesProblem, PairEdit, PairMatchesDocument, check_matches};
@@ -17,12 +17,17 @@ pub struct View {
     pub image: GrayImage,
     /// The subject's mask, above 127 inside, of the drawing's size.
     pub mask: Option<GrayImage>,
+    /// Whether the mask was found in the drawing: it then includes the stroke
+    /// of the outline, which a mask given by hand does not.
+    pub mask_was_found: bool,
+    /// The drawing's colours on white paper, of its size; `None` if it has none.
+    pub color: Option<RgbImage>,
 }
 
 impl View {
     /// A drawing seen by a level camera.
     pub fn level(azimuth: Azimuth, image: GrayImage, mask: Option<GrayImage>) -> Self {
-        Self { azimuth, elevation_deg: 0.0, image, mask }
+        Self { azimuth, elevation_deg: 0.0, image, mask, mask_was_found: false, color: None }
     }
 }
 
@@ -121,12 +126,7 @@ mod tests {
     use super::*;
 
     fn view(degrees: f64) -> View {
-        View {
-            azimuth: Azimuth::from_degrees(degrees).unwrap(),
-            elevation_deg: 0.0,
-            image: GrayImage::new(4, 3),
-            mask: None,
-        }
+        View::level(Azimuth::from_degrees(degrees).unwrap(), GrayImage::new(4, 3), None)
     }
 
     #[test]

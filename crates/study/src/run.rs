@@ -223,7 +223,7 @@ mod tests {
 
     fn view(azimuth_deg: f64, image: GrayImage) -> View {
         let azimuth = Azimuth::from_degrees(azimuth_deg).unwrap();
-        View { azimuth, elevation_deg: 0.0, image, mask: None }
+        View::level(azimuth, image, None)
     }
 
     /// The dude, drawn small.

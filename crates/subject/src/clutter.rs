@@ -69,9 +69,9 @@ pub(crate) fn without_lines(ink: &Bits, stroke_px: f64, options: &CleanOptions) 
     }
     for _ in 0..2 {
         let wanted = |kind: &RemovedKind| match kind {
-            RemovedKind::GroundLine => options.ground,
-            RemovedKind::DimensionLine => options.dimensions,
-            _ => options.guides,
+            RemovedKind::GroundLine => options.ground.is_on(),
+            RemovedKind::DimensionLine => options.dimensions.is_on(),
+            _ => options.guides.is_on(),
         };
         let found: Vec<(Line, RemovedKind)> = lines_of(&cleaned.ink)
             .into_iter()

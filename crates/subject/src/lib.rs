@@ -35,7 +35,7 @@ pub use align::{
     AlignOptions, Aligned, Alignment, Canvas, Transform, View, ViewAlignment, align, apply, trust,
 };
 pub use hypotheses::{Hypotheses, HypothesisOptions, Suggestion, Verdict, hypotheses};
-pub use options::{CleanOptions, Hints, HolePolicy, SubjectOptions};
+pub use options::{CleanOptions, Hints, HolePolicy, Removal, SubjectOptions};
 pub use report::{
     Box2, DrawingKind, Gap, PaperSummary, Piece, PieceRole, Point, Polarity, Removed, RemovedKind,
     Side, Warning,

@@ -1,7 +1,8 @@
 //! What a caller may say about a drawing: hints by hand and switches.
 
 use image::GrayImage;
-use serde::Serialize;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 use crate::report::Point;
 
@@ -20,25 +21,37 @@ pub struct Hints {
     pub ignore: Vec<Point>,
 }
 
-/// Which things are looked for and removed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub struct CleanOptions {
-    /// Rectangles around the drawing.
-    pub frames: bool,
-    /// Long straight lines through or beside the figure.
-    pub guides: bool,
-    /// The line on which the figure stands.
-    pub ground: bool,
-    /// Lettering outside the figure.
-    pub captions: bool,
-    /// Dimension lines.
-    pub dimensions: bool,
+/// Whether something is removed from drawings.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Removal {
+    /// It is looked for, removed and listed.
+    #[default]
+    On,
+    /// It stays.
+    Off,
 }
 
-impl Default for CleanOptions {
-    fn default() -> Self {
-        Self { frames: true, guides: true, ground: true, captions: true, dimensions: true }
+impl Removal {
+    pub(crate) fn is_on(self) -> bool {
+        self == Self::On
     }
+}
+
+/// Which things on the page are looked for and removed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct CleanOptions {
+    /// Rectangles around the drawing.
+    pub frames: Removal,
+    /// Long straight lines through or beside the figure.
+    pub guides: Removal,
+    /// The line on which the figure stands.
+    pub ground: Removal,
+    /// Lettering outside the figure.
+    pub captions: Removal,
+    /// Dimension lines.
+    pub dimensions: Removal,
 }
 
 /// How areas that show paper inside the outline are read.

@@ -171,7 +171,7 @@ impl Structure {
     /// Removes straight lines and lettering from `bits`.
     fn clean(&mut self, bits: &mut Bits, options: &SubjectOptions) {
         let before = bits.clone();
-        if options.clean.frames {
+        if options.clean.frames.is_on() {
             let cleaned = clutter::without_frame(bits, self.stroke);
             self.removed.extend(cleaned.removed);
             *bits = cleaned.ink;
@@ -188,7 +188,7 @@ impl Structure {
     }
 
     fn clean_lettering(&mut self, bits: &mut Bits, options: &SubjectOptions) {
-        if options.clean.captions {
+        if options.clean.captions.is_on() {
             let text = lettering::find(bits, self.stroke);
             let caption = |place| Removed { kind: RemovedKind::Caption, place };
             self.removed.extend(text.lines.into_iter().map(caption));

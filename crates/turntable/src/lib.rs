@@ -13,6 +13,7 @@
 //! | [`solid`] | silhouettes, lines, depth maps | a field of signed distances: hull, creases, holes, carving | Laurentini 1994, the visual hull; Curless & Levoy 1996, fusion |
 //! | [`surface`] | field | a closed mesh, decimated, with what it rests on | Lorensen & Cline 1987; Garland & Heckbert 1997 |
 //! | [`depth`] again | solid | depth maps read off the solid where it is better bound than lines are | |
+//! | [`fit`] | draft | how well it, drawn again, matches each drawing | |
 //! | [`metrics`], [`export`] | draft | figures, warnings and files | glTF 2.0 |
 //!
 //! The frame is the turntable frame: unit sheet pixels, Z up, X right and Y
@@ -26,6 +27,7 @@ pub mod depth;
 pub mod depth_map;
 mod draft;
 pub mod export;
+pub mod fit;
 pub mod ink;
 pub mod metrics;
 pub mod options;

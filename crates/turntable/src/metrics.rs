@@ -8,6 +8,7 @@ use serde::Serialize;
 use crate::depth::{DepthSource, Fallback};
 use crate::draft::Draft;
 use crate::export::DISPARITY_ANGLE_DEG;
+use crate::fit::{ViewFit, fit};
 use crate::options::TurntableOptions;
 use crate::registration::ViewRegistration;
 use crate::silhouette::{OppositePair, SilhouetteSource};
@@ -21,6 +22,8 @@ const MIN_CONSISTENCY: f64 = 0.8;
 pub struct Metrics {
     views: Vec<ViewMetrics>,
     opposite_views: Vec<OppositePair>,
+    /// How well the draft, drawn again, matches each drawing.
+    fit: Vec<ViewFit>,
     solid: SolidReport,
     mesh: MeshMetrics,
     /// Angle of the pair that disparity maps stand for, degrees.
@@ -91,10 +94,12 @@ pub fn measure(draft: &Draft<'_>, options: &TurntableOptions) -> Metrics {
         })
         .collect();
     let mesh = mesh_metrics(&draft.solid.mesh);
+    let fit = fit(draft);
     Metrics {
-        warnings: warnings(&views, &mesh),
+        warnings: warnings(&views, &fit, &mesh),
         views,
         opposite_views: draft.silhouettes.opposites.clone(),
+        fit,
         solid: draft.solid.report.clone(),
         mesh,
         disparity_angle_deg: DISPARITY_ANGLE_DEG,
@@ -112,8 +117,8 @@ fn mesh_metrics(mesh: &Mesh) -> MeshMetrics {
     }
 }
 
-fn warnings(views: &[ViewMetrics], mesh: &MeshMetrics) -> Vec<String> {
-    let mut warnings = Vec::new();
+fn warnings(views: &[ViewMetrics], fit: &[ViewFit], mesh: &MeshMetrics) -> Vec<String> {
+    let mut warnings: Vec<String> = fit.iter().filter_map(ViewFit::warning).collect();
     for view in views {
         let (azimuth, share) = (view.azimuth_deg, view.registration.consistency);
         if view.registration.contradicts {

@@ -79,11 +79,8 @@ mod tests {
     use sheet::View;
 
     fn sheet(degrees: &[f64]) -> Sheet {
-        let view = |&degrees: &f64| View {
-            azimuth: Azimuth::from_degrees(degrees).unwrap(),
-            elevation_deg: 0.0,
-            image: GrayImage::new(2, 2),
-            mask: None,
+        let view = |&degrees: &f64| {
+            View::level(Azimuth::from_degrees(degrees).unwrap(), GrayImage::new(2, 2), None)
         };
         Sheet::new(degrees.iter().map(view).collect()).unwrap()
     }

@@ -53,12 +53,8 @@ fn drawing(azimuth_deg: f64) -> GrayImage {
 }
 
 fn sheet() -> Sheet {
-    let view = |degrees: f64| View {
-        azimuth: Azimuth::from_degrees(degrees).unwrap(),
-        elevation_deg: 0.0,
-        image: drawing(degrees),
-        mask: None,
-    };
+    let view =
+        |degrees: f64| View::level(Azimuth::from_degrees(degrees).unwrap(), drawing(degrees), None);
     Sheet::new(vec![view(0.0), view(5.0), view(10.0)]).unwrap()
 }
 

@@ -99,6 +99,10 @@ pub(super) fn image_problem(part: &str, error: &ImageError) -> Problem {
         ImageError::TooManyPixels { .. } => (TOO_MANY_PIXELS, "scale it down"),
         ImageError::NotAnImage => (NOT_AN_IMAGE, "export it as one of these"),
         ImageError::Damaged(_) => (DAMAGED_IMAGE, "export or copy it again"),
+        // The error says itself what to send instead.
+        ImageError::Unsupported { .. } => {
+            return Problem::new(NOT_AN_IMAGE, format!("`{part}` {error}")).part(part);
+        }
     };
     Problem::new(kind, format!("`{part}` {error}; {mend}")).part(part)
 }
@@ -109,6 +113,7 @@ pub(super) fn extension(format: ImageFormat) -> &'static str {
         ImageFormat::Jpeg => "jpg",
         ImageFormat::WebP => "webp",
         ImageFormat::Tiff => "tiff",
+        ImageFormat::Gif => "gif",
         _ => "png",
     }
 }

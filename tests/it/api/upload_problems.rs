@@ -161,7 +161,9 @@ async fn angles_that_are_not_finite() {
 #[tokio::test]
 async fn differing_sizes() {
     let service = Service::start().await;
-    let other = views(&["0", "45"]).part("view[90]", file(drawing(33, 24, 0), "c.png"));
+    let other = views(&["0", "45"])
+        .text("method", "uncalibrated")
+        .part("view[90]", file(drawing(33, 24, 0), "c.png"));
     let body = refused(&service, other, 422, "differing-sizes").await;
     assert_eq!(body["part"], "view[90]");
     assert!(body["detail"].as_str().unwrap().contains("33x24"), "{body}");

@@ -181,3 +181,39 @@ fn limits_are_checked_before_anything_is_drawn() {
     let near = DrawOptions { distance: 0.5, ..small() };
     assert!(matches!(check(1, &near), Err(DrawError::CameraInsideModel { .. })));
 }
+
+/// What a flood from the picture's border does not reach.
+fn enclosed(image: &image::GrayImage) -> Vec<bool> {
+    let (width, height) = (image.width() as usize, image.height() as usize);
+    let paper = |at: usize| image.as_raw()[at] >= 204;
+    let mut outside = vec![false; width * height];
+    let mut pending: Vec<usize> = (0..width).flat_map(|x| [x, (height - 1) * width + x]).collect();
+    while let Some(at) = pending.pop() {
+        if outside[at] || !paper(at) {
+            continue;
+        }
+        outside[at] = true;
+        let (x, y) = (at % width, at / width);
+        let beside = [x.checked_sub(1), (x + 1 < width).then_some(x + 1)];
+        pending.extend(beside.into_iter().flatten().map(|x| y * width + x));
+        let along = [y.checked_sub(1), (y + 1 < height).then_some(y + 1)];
+        pending.extend(along.into_iter().flatten().map(|y| y * width + x));
+    }
+    outside.iter().map(|outside| !outside).collect()
+}
+
+#[test]
+fn no_flood_from_the_border_gets_into_a_drawing() {
+    for built_in in mesh::builtin::ProceduralModel::ALL {
+        let prepared = PreparedModel::new(&built_in.build()).unwrap();
+        let options = small();
+        let drawer = Drawer::new(&prepared, &options).unwrap();
+        for degrees in [0.0, 22.5, 45.0, 90.0, 180.0, 270.0] {
+            let view = drawer.draw_view(azimuth(degrees)).unwrap();
+            let inside = enclosed(&view.image.to_luma8());
+            let lost =
+                view.truth.mask.iter().zip(&inside).filter(|(mask, is)| **mask != 0 && !**is);
+            assert_eq!(lost.count(), 0, "{built_in:?} at {degrees}");
+        }
+    }
+}

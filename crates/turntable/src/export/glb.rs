@@ -4,13 +4,13 @@
 use frames::Placement;
 use gltf::json::mesh::{Primitive, Semantic};
 use gltf::json::{Accessor, Index, Material};
-use image::GrayImage;
 use mesh::Mesh;
 use mesh::shading::{CREASE_ANGLE_DEG, ShadedMesh, shaded};
 use mesh::write::glb::{GlbWriter, matte, triangle_primitive, unlit};
 use nalgebra::Point3;
 use picture::{EncodeError, png};
 use serde_json::json;
+use sheet::View;
 
 use crate::surface::projection::Rig;
 use crate::surface::support::Support;
@@ -19,7 +19,7 @@ use crate::surface::support::Support;
 pub(super) struct Drawn<'a> {
     pub rig: &'a Rig,
     /// Of the rig's views, in their order.
-    pub drawings: Vec<&'a GrayImage>,
+    pub drawings: Vec<&'a View>,
     pub placement: &'a Placement,
 }
 
@@ -149,10 +149,18 @@ fn drawing_material(
         return Ok(material);
     }
     let name = format!("view_{}", drawn.rig.azimuths[view].padded());
-    let texture = file.png_texture(&name, &png(drawn.drawings[view])?);
+    let texture = file.png_texture(&name, &drawing_png(drawn.drawings[view])?);
     let material = file.material(unlit(&name, Some(texture)));
     materials[view] = Some(material);
     Ok(material)
+}
+
+/// In the drawing's colours, where it has any.
+fn drawing_png(view: &View) -> Result<Vec<u8>, EncodeError> {
+    match &view.color {
+        Some(color) => png(color),
+        None => png(&view.image),
+    }
 }
 
 /// A drawing as a quad behind the model, seen from its camera.
@@ -240,7 +248,8 @@ mod tests {
 
     fn written(textured: bool) -> (gltf::Document, Vec<u8>) {
         let (mesh, rig) = (pyramid(), rig());
-        let drawing = GrayImage::from_pixel(40, 32, image::Luma([200]));
+        let image = image::GrayImage::from_pixel(40, 32, image::Luma([200]));
+        let drawing = View::level(Azimuth::from_degrees(0.0).unwrap(), image, None);
         let placement = Placement::new(mesh.bounds().unwrap(), &ExportOptions::default());
         let drawn = Drawn { rig: &rig, drawings: vec![&drawing; 2], placement: &placement };
         let glb = if textured {

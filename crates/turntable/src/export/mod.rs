@@ -6,10 +6,11 @@ mod obj;
 use artifacts::{Artifact, ArtifactName, Files, ViewArtifact};
 use frames::Placement;
 use mesh::thumbnail;
-use picture::{EncodeError, FloatImage, normals_png, silhouette_png};
+use picture::{EncodeError, FloatImage, normals_png, png, silhouette_png};
 
 use crate::depth::normals_from_depth;
 use crate::draft::Draft;
+use crate::fit::fit_picture;
 use crate::surface::projection::{Rig, best_views};
 use glb::{Drawn, solid_glb, textured_glb};
 use obj::quad_obj;
@@ -32,6 +33,8 @@ pub fn view_files(draft: &Draft<'_>, index: usize) -> Result<Files, EncodeError>
     files.artifacts.push(Artifact::new(name(ViewArtifact::NormalsPng), normals));
     let mask = silhouette_png(silhouette.mask())?;
     files.artifacts.push(Artifact::new(name(ViewArtifact::SilhouettePng), mask));
+    let fit = png(&fit_picture(draft, index))?;
+    files.artifacts.push(Artifact::new(name(ViewArtifact::FitPng), fit));
     Ok(files)
 }
 
@@ -60,7 +63,7 @@ pub fn model_files(
     let rig = Rig::of_views(&draft.views);
     let drawn = Drawn {
         rig: &rig,
-        drawings: draft.views.views().iter().map(|view| &view.image).collect(),
+        drawings: draft.views.views().iter().map(|view| &**view).collect(),
         placement,
     };
     let labels = best_views(&solid.mesh, &rig);

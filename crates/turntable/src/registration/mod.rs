@@ -15,7 +15,7 @@ mod vertical;
 
 use std::borrow::Cow;
 
-use image::{GrayImage, Luma};
+use image::{GrayImage, Luma, Rgb, RgbImage};
 use rayon::prelude::*;
 
 use crate::silhouette::Silhouettes;
@@ -145,9 +145,22 @@ pub fn corrected<'a>(views: &ViewSet<'a>, found: &[ViewRegistration]) -> Option<
             elevation_deg: view.elevation_deg,
             image: resample(&view.image, found, f64::from(view.image.get_pixel(0, 0).0[0])),
             mask: view.mask.as_ref().map(|mask| resample(mask, found, 0.0)),
+            mask_was_found: view.mask_was_found,
+            color: view.color.as_ref().map(|color| moved_color(color, found, (axis, origin))),
         })
     };
     ViewSet::new(views.views().par_iter().zip(found).map(moved).collect()).ok()
+}
+
+/// The nearest colours; white beyond the image.
+fn moved_color(color: &RgbImage, found: &ViewRegistration, (axis, origin): (f64, f64)) -> RgbImage {
+    RgbImage::from_fn(color.width(), color.height(), |x, y| {
+        let u = (f64::from(x) + 0.5 - axis) * found.scale + axis + found.shift_x_px;
+        let v = (f64::from(y) + 0.5 - origin) * found.scale + origin + found.shift_y_px;
+        let inside =
+            u >= 0.0 && v >= 0.0 && u < f64::from(color.width()) && v < f64::from(color.height());
+        if inside { *color.get_pixel(u as u32, v as u32) } else { Rgb([255; 3]) }
+    })
 }
 
 /// Bilinear interpolation at pixel centres; `outside` beyond the image.

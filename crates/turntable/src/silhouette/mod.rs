@@ -23,6 +23,8 @@ pub use opposite::OppositePair;
 pub enum SilhouetteSource {
     /// The view's own mask or alpha channel.
     Given,
+    /// Found when the drawing was cleaned; includes the outline's stroke.
+    Cleaned,
     /// Everything that paper connected to the image's border does not reach.
     Filled {
         /// The width of the widest gap that had to be closed, px.
@@ -138,6 +140,7 @@ impl Silhouette {
         let lines = ink.cropped(drawn.from, drawn.to);
         let bridges = bridges::bridges(&lines, options.max_gap_px);
         let (mask, source) = match &view.mask {
+            Some(mask) if view.mask_was_found => (fill::binarised(mask), SilhouetteSource::Cleaned),
             Some(mask) => (fill::binarised(mask), SilhouetteSource::Given),
             None => {
                 let (mask, source) = fill::filled_outline(&lines, &bridges, options.max_gap_px);

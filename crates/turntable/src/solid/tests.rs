@@ -75,12 +75,11 @@ fn draw(parts: &[Part], degrees: f64) -> View {
         let (u, z) = at(x, y);
         parts.iter().flat_map(|part| part.edges(azimuth, z)).any(|edge| (edge - u).abs() < 0.8)
     };
-    View {
-        azimuth: Azimuth::from_degrees(degrees).unwrap(),
-        elevation_deg: 0.0,
-        image: GrayImage::from_fn(WIDTH, HEIGHT, |x, y| Luma([if inked(x, y) { 0 } else { 255 }])),
-        mask: Some(GrayImage::from_fn(WIDTH, HEIGHT, |x, y| Luma([255 * u8::from(inside(x, y))]))),
-    }
+    View::level(
+        Azimuth::from_degrees(degrees).unwrap(),
+        GrayImage::from_fn(WIDTH, HEIGHT, |x, y| Luma([if inked(x, y) { 0 } else { 255 }])),
+        Some(GrayImage::from_fn(WIDTH, HEIGHT, |x, y| Luma([255 * u8::from(inside(x, y))]))),
+    )
 }
 
 fn box_at(x: f64, y: f64, half: (f64, f64), degrees: f64, heights: (f64, f64)) -> Part {

@@ -1,96 +1,22 @@
-//! Makes variants of clean views (paper, alpha, clutter, gaps, fills) and prints
-//! how well the subject is found in each: mean and least IoU with the clean
-//! drawing's filled outline, and warnings.
-//!
-//! `cargo run --release --example variants -- FOLDER [OUT]` with FOLDER as drawn by
-//! `turnaround draw … -o FOLDER` (files `view_NNN.png`).
-
-use std::path::{Path, PathBuf};
+//! What studios send instead of clean lines on white: paper, alpha, clutter,
+//! gaps, fills, sizes, each made from a clean view.
 
 use image::{GrayImage, Luma, Rgba, RgbaImage, imageops};
-use subject::{Hints, SubjectOptions, find};
 
-type Variant = (&'static str, fn(&Clean, u32) -> (RgbaImage, GrayImage));
+/// A variant's name and how it is made: the drawing and its true mask.
+pub(crate) type Variant = (&'static str, fn(&Clean, u32) -> (RgbaImage, GrayImage));
 
 /// A clean view and its filled outline.
-struct Clean {
-    view: GrayImage,
-    mask: GrayImage,
+pub(crate) struct Clean {
+    pub(crate) view: GrayImage,
+    pub(crate) mask: GrayImage,
 }
 
-fn main() {
-    let mut arguments = std::env::args().skip(1);
-    let Some(folder) = arguments.next() else {
-        eprintln!("usage: variants FOLDER [OUT] [ONLY]");
-        return;
-    };
-    let out = arguments.next().map(PathBuf::from);
-    let only = arguments.next();
-    let views = clean_views(Path::new(&folder));
-    for (name, make) in
-        VARIANTS.iter().filter(|(name, _)| only.as_deref().is_none_or(|o| name.contains(o)))
-    {
-        let mut scores = Vec::new();
-        let mut notes: Vec<String> = Vec::new();
-        for (index, (view_name, clean)) in views.iter().enumerate() {
-            let (drawing, truth) = make(clean, index as u32);
-            match find(&drawing, &Hints::default(), &SubjectOptions::default(), &|| false) {
-                Ok(found) => {
-                    scores.push(iou(&found.mask, &truth));
-                    let kinds: Vec<String> =
-                        found.removed.iter().map(|r| r.kind.to_string()).collect();
-                    let mut note = format!("{:?}", found.kind);
-                    if !kinds.is_empty() {
-                        note += &format!(" -{}", kinds.join("-"));
-                    }
-                    if !found.closed_gaps.is_empty() {
-                        note += &format!(" gaps {}", found.closed_gaps.len());
-                    }
-                    found.warnings.iter().for_each(|w| note += &format!(" !{w}"));
-                    notes.push(note);
-                    if let Some(out) = &out {
-                        let stem = format!("{}_{view_name}", name.replace([' ', ','], "_"));
-                        overlay(&drawing, &found.mask)
-                            .save(out.join(format!("{stem}.png")))
-                            .unwrap();
-                        found.ink.save(out.join(format!("{stem}_ink.png"))).unwrap();
-                    }
-                }
-                Err(error) => {
-                    scores.push(0.0);
-                    notes.push(format!("ERROR {error}"));
-                }
-            }
-        }
-        let mean = scores.iter().sum::<f64>() / scores.len().max(1) as f64;
-        let least = scores.iter().copied().fold(1.0, f64::min);
-        let flag = if least < 0.985 { " <<<" } else { "" };
-        notes.dedup();
-        if only.is_some() {
-            println!("{scores:?}");
-        }
-        println!("{name:32} mean {mean:.4} least {least:.4}{flag}  {}", notes.join(" | "));
+impl Clean {
+    pub(crate) fn new(view: GrayImage) -> Self {
+        let mask = filled(&view);
+        Self { view, mask }
     }
-}
-
-fn clean_views(folder: &Path) -> Vec<(String, Clean)> {
-    let mut paths: Vec<PathBuf> = std::fs::read_dir(folder)
-        .unwrap()
-        .filter_map(|entry| Some(entry.ok()?.path()))
-        .filter(|path| {
-            let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-            name.starts_with("view_") && name.ends_with(".png")
-        })
-        .collect();
-    paths.sort();
-    paths
-        .into_iter()
-        .map(|path| {
-            let view = image::open(&path).unwrap().to_luma8();
-            let mask = filled(&view);
-            (path.file_stem().unwrap().to_string_lossy().into_owned(), Clean { view, mask })
-        })
-        .collect()
 }
 
 /// What paper does not reach from the border, gaps of a pixel closed.
@@ -119,7 +45,8 @@ fn filled(view: &GrayImage) -> GrayImage {
     })
 }
 
-fn iou(a: &GrayImage, b: &GrayImage) -> f64 {
+/// Intersection over union.
+pub(crate) fn iou(a: &GrayImage, b: &GrayImage) -> f64 {
     let pairs = a.as_raw().iter().zip(b.as_raw());
     let (mut both, mut either) = (0.0, 0.0);
     for (a, b) in pairs {
@@ -127,20 +54,6 @@ fn iou(a: &GrayImage, b: &GrayImage) -> f64 {
         either += f64::from(u8::from(*a >= 128 || *b >= 128));
     }
     both / f64::max(either, 1.0)
-}
-
-fn overlay(drawing: &RgbaImage, mask: &GrayImage) -> RgbaImage {
-    let mut image = drawing.clone();
-    for (pixel, mask) in image.pixels_mut().zip(mask.pixels()) {
-        let alpha = u32::from(pixel.0[3]);
-        let tint = if mask.0[0] != 0 { [90, 160, 255] } else { [255, 255, 255] };
-        for (level, tint) in pixel.0.iter_mut().zip(tint) {
-            let laid = (u32::from(*level) * alpha + 255 * (255 - alpha)) / 255;
-            *level = ((laid + tint) / 2) as u8;
-        }
-        pixel.0[3] = 255;
-    }
-    image
 }
 
 /// A small reproducible generator.
@@ -267,7 +180,7 @@ fn jpeg(image: RgbaImage, quality: u8) -> RgbaImage {
     image::load_from_memory(&bytes).unwrap().to_rgba8()
 }
 
-const VARIANTS: &[Variant] = &[
+pub(crate) const VARIANTS: &[Variant] = &[
     ("clean", |c, _| (opaque(&c.view), c.mask.clone())),
     ("ink layer", |c, _| {
         let image = RgbaImage::from_fn(c.view.width(), c.view.height(), |x, y| {

@@ -1,0 +1,164 @@
+//! Drafts of drawings as studios send them, against the same drawings clean.
+//!
+//! `cargo run --release --example drawing_variants -- [MODEL...]`, built-in models
+//! by name (default `caped_figure`). For each variant: the silhouettes' IoU with
+//! the clean ones (mean and least), the draft's IoU with the true solid, and what
+//! the service says. Views are 0, 45, 90 and 180 degrees, 960x540.
+
+mod variants;
+
+use std::collections::BTreeMap;
+use std::io::Cursor;
+
+use drawing::{DrawOptions, Drawer, PreparedModel};
+use evaluation::{ComparisonOptions, SolidTruth};
+use frames::Azimuth;
+use image::{GrayImage, ImageFormat, RgbaImage, imageops};
+use mesh::Mesh;
+use mesh::builtin::ProceduralModel;
+use picture::ImageLimits;
+use serde_json::json;
+use sheet::{SheetDocument, ViewDocument};
+use turnaround::draft::Decoded;
+use variants::{Clean, VARIANTS, iou};
+
+const AZIMUTHS_DEG: [f64; 4] = [0.0, 45.0, 90.0, 180.0];
+
+fn main() {
+    let names: Vec<String> = std::env::args().skip(1).collect();
+    let names = if names.is_empty() { vec!["caped_figure".to_owned()] } else { names };
+    for name in names {
+        let Some(model) = ProceduralModel::from_name(&name) else {
+            eprintln!("there is no built-in model {name}");
+            continue;
+        };
+        measure(&name, model);
+    }
+}
+
+fn measure(name: &str, model: ProceduralModel) {
+    let prepared = PreparedModel::new(&model.build()).expect("a model");
+    let options = DrawOptions::default();
+    let drawer = Drawer::new(&prepared, &options).expect("usual options");
+    let clean: Vec<Clean> = AZIMUTHS_DEG
+        .iter()
+        .map(|&degrees| {
+            let azimuth = Azimuth::from_degrees(degrees).expect("an angle");
+            Clean::new(drawer.draw_view(azimuth).expect("a view").image.to_luma8())
+        })
+        .collect();
+    let mut truth = model.build().mesh;
+    truth.positions.iter_mut().for_each(|p| *p *= options.pixels_per_unit());
+    let solid = SolidTruth::new(&truth, ComparisonOptions::default()).expect("a closed model");
+    let truth = (solid, truth);
+    println!(
+        "\n{name}\n| drawing | silhouette IoU, mean | least | solid IoU | said |\n|---|---|---|---|---|"
+    );
+    for (variant, make) in VARIANTS {
+        let views: Vec<(f64, RgbaImage, GrayImage)> = clean
+            .iter()
+            .zip(AZIMUTHS_DEG)
+            .enumerate()
+            .map(|(index, (clean, degrees))| {
+                let (drawing, mask) = make(clean, index as u32);
+                (degrees, drawing, mask)
+            })
+            .collect();
+        report(variant, &views, &truth);
+    }
+    let opaque = |clean: &Clean| image::DynamicImage::from(clean.view.clone()).into_rgba8();
+    let mistaken = |name: &str, degrees: [f64; 4], mirrored: Option<usize>| {
+        let views: Vec<_> = clean
+            .iter()
+            .zip(degrees)
+            .enumerate()
+            .map(|(index, (clean, degrees))| {
+                let mut drawing = opaque(clean);
+                if mirrored == Some(index) {
+                    imageops::flip_horizontal_in_place(&mut drawing);
+                }
+                (degrees, drawing, clean.mask.clone())
+            })
+            .collect();
+        report(name, &views, &truth);
+    };
+    mistaken("90 drawn as 270", [0.0, 45.0, 270.0, 180.0], None);
+    mistaken("view 45 mirrored", AZIMUTHS_DEG, Some(1));
+    mistaken("view 90 mirrored", AZIMUTHS_DEG, Some(2));
+    mistaken("45 called 38", [0.0, 38.0, 90.0, 180.0], None);
+}
+
+fn report(name: &str, views: &[(f64, RgbaImage, GrayImage)], truth: &(SolidTruth, Mesh)) {
+    let files: BTreeMap<String, Vec<u8>> = views
+        .iter()
+        .map(|(degrees, drawing, _)| {
+            let mut png = Cursor::new(Vec::new());
+            drawing.write_to(&mut png, ImageFormat::Png).expect("a picture");
+            (format!("{degrees}.png"), png.into_inner())
+        })
+        .collect();
+    let document = SheetDocument {
+        views: views
+            .iter()
+            .map(|(degrees, ..)| ViewDocument {
+                image: format!("{degrees}.png"),
+                azimuth_deg: *degrees,
+                ..ViewDocument::default()
+            })
+            .collect(),
+        options: Some(json!({"method": "turntable"})),
+        ..SheetDocument::default()
+    };
+    let read = |name: &str| Ok(files[name].clone());
+    let decoded = match Decoded::read(&document, &read, &ImageLimits::default(), 2) {
+        Ok(decoded) => decoded,
+        Err(error) => return println!("| {name} | | | | refused: {error} |"),
+    };
+    let said = decoded.warnings().join("; ");
+    let (mean, least) = silhouettes(&decoded, views);
+    let solid = match decoded.turntable() {
+        Ok(draft) => {
+            let mut mesh = draft.solid.mesh;
+            if MOVED.iter().any(|word| name.contains(word)) {
+                lay_on(&mut mesh, &truth.1);
+            }
+            let compared = truth.0.evaluate(&mesh);
+            compared.map_or_else(|error| error.to_string(), |found| format!("{:.3}", found.iou))
+        }
+        Err(error) => format!("none: {error}"),
+    };
+    println!("| {name} | {mean:.3} | {least:.3} | {solid} | {said} |");
+}
+
+/// Variants whose pixels are not those of the clean drawing: the draft is laid
+/// on the truth by its bounds before they are compared.
+const MOVED: [&str; 4] = ["size", "times", "eighth", "cropped"];
+
+fn lay_on(mesh: &mut Mesh, truth: &Mesh) {
+    let (Some((low, high)), Some((true_low, true_high))) = (mesh.bounds(), truth.bounds()) else {
+        return;
+    };
+    let scale = (true_high.z - true_low.z) / (high.z - low.z);
+    let (centre, true_centre) =
+        (nalgebra::center(&low, &high), nalgebra::center(&true_low, &true_high));
+    for point in &mut mesh.positions {
+        *point = true_centre + (*point - centre) * scale;
+    }
+}
+
+/// IoU of the silhouettes with the true masks, where they are of one size.
+fn silhouettes(decoded: &Decoded<'_>, views: &[(f64, RgbaImage, GrayImage)]) -> (f64, f64) {
+    let found = decoded.masks();
+    let scores: Vec<f64> = views
+        .iter()
+        .filter_map(|(degrees, _, mask)| {
+            let (_, ours) = found.iter().find(|(azimuth, _)| azimuth.degrees() == *degrees)?;
+            (ours.dimensions() == mask.dimensions()).then(|| iou(ours, mask))
+        })
+        .collect();
+    if scores.is_empty() {
+        return (f64::NAN, f64::NAN);
+    }
+    let mean = scores.iter().sum::<f64>() / scores.len() as f64;
+    (mean, scores.iter().copied().fold(1.0, f64::min))
+}

@@ -1,0 +1,313 @@
+//! From drawings of any kind to clean views on one canvas.
+//!
+//! Clean line art on white stays exactly as it was drawn; of everything else the
+//! subject is found, its lines are cleaned and its colours kept.
+
+use frames::Azimuth;
+use image::{GrayImage, Rgb, RgbImage, RgbaImage, imageops};
+use progress::Observer;
+use rayon::prelude::*;
+use serde::Serialize;
+use sheet::{View, ViewDocument};
+use subject::{
+    AlignOptions, Aligned, Alignment, DrawingKind, Gap, Hints, HypothesisOptions, PaperSummary,
+    Piece, Point, Polarity, Removed, Subject, SubjectError, SubjectOptions, Suggestion, align,
+    apply, find, hypotheses,
+};
+
+use super::DraftError;
+use super::decode::DecodedView;
+use super::options::{Options, Repair};
+use crate::failure_code::FailureCode;
+
+/// Views of one image size whose scale is off by less are left to the method's
+/// own registration.
+const REGISTERED_SCALE: f64 = 0.08;
+/// The same for shifts, share of the figure's height.
+const REGISTERED_SHIFT: f64 = 0.04;
+/// More views are not tested against each other: their number of pairs grows.
+const MAX_TESTED_VIEWS: usize = 12;
+
+/// What was found in the drawings and done to them.
+pub(super) struct Preparation {
+    /// By rising azimuth.
+    pub drawings: Vec<DrawingReport>,
+    /// Each subject cut out of its drawing, on the common canvas.
+    pub cut_outs: Vec<(Azimuth, RgbaImage)>,
+    /// How views were laid on one canvas; `None` if they were left in place.
+    pub alignment: Option<Alignment>,
+    /// What fits better otherwise.
+    pub suggestions: Vec<SuggestionReport>,
+    /// What a person should look at.
+    pub warnings: Vec<String>,
+}
+
+/// One drawing, as `metrics.json` tells of it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(super) struct DrawingReport {
+    azimuth_deg: f64,
+    kind: DrawingKind,
+    polarity: Polarity,
+    paper: PaperSummary,
+    /// Whether the drawing is used as it was drawn.
+    as_drawn: bool,
+    /// Whether a person gave mask, outline or pieces.
+    by_hand: bool,
+    stroke_px: f64,
+    removed: Vec<Removed>,
+    pieces: Vec<Piece>,
+    closed_gaps: Vec<Gap>,
+    warnings: Vec<String>,
+}
+
+/// A view that fits better otherwise.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(super) struct SuggestionReport {
+    text: String,
+    suggestion: Suggestion,
+    /// By how much the views' disagreement sinks.
+    margin: f64,
+    applied: bool,
+}
+
+/// Finds the subject in each drawing and lays the views on one canvas where
+/// they differ in size, scale or place.
+///
+/// # Errors
+/// [`DraftError::Input`] for a drawing without a subject, naming its view.
+pub(super) fn prepare(
+    mut views: Vec<DecodedView<'_>>,
+    options: &Options,
+    observer: &dyn Observer,
+) -> Result<(Vec<View>, Preparation), DraftError> {
+    views.sort_by_key(|view| view.azimuth);
+    let found: Vec<_> =
+        views.par_iter().with_max_len(1).map(|view| find_in(view, options, observer)).collect();
+    let mut subjects = found.into_iter().collect::<Result<Vec<Subject>, _>>()?;
+    let mut alignment = aligned(&views, &subjects);
+    let mut suggestions = suggestions(&views, &subjects, &alignment);
+    if options.sheet.repair == Repair::Apply
+        && let Some(best) = suggestions.first_mut()
+    {
+        best.applied = follow(best.suggestion, &mut views, &mut subjects)?;
+        alignment = aligned(&views, &subjects);
+    }
+    observer.check()?;
+    let mut warnings: Vec<String> = Vec::new();
+    for (view, subject) in views.iter().zip(&subjects) {
+        let of_view = |text: &dyn std::fmt::Display| format!("view {}: {text}", view.azimuth);
+        warnings.extend(subject.warnings.iter().map(|warning| of_view(warning)));
+    }
+    warnings.extend(suggestions.iter().map(|suggestion| {
+        let done = if suggestion.applied { "; it is used so" } else { "; check angle and drawing" };
+        format!("{}{done}", suggestion.text)
+    }));
+    let moves = needs_canvas(&alignment);
+    let laid = if moves { apply(&alignment, &paired(&views, &subjects)) } else { Vec::new() };
+    let mut drawings = Vec::with_capacity(views.len());
+    let mut sheet = Vec::with_capacity(views.len());
+    let mut cut_outs = Vec::with_capacity(views.len());
+    let mut laid = laid.into_iter();
+    for (view, subject) in views.into_iter().zip(subjects) {
+        let by_hand = is_by_hand(view.document) || view.mask.is_some();
+        let as_drawn = !moves && !by_hand && is_clean(&subject) && is_opaque(&view.drawing);
+        drawings.push(report(&view, &subject, as_drawn, by_hand));
+        let aligned = laid.next();
+        let cut_out = aligned.as_ref().map_or(&subject.colour, |aligned| &aligned.colour);
+        cut_outs.push((view.azimuth, cut_out.clone()));
+        sheet.push(view_of(view, subject, aligned, as_drawn));
+    }
+    let alignment = moves.then_some(alignment);
+    Ok((sheet, Preparation { drawings, cut_outs, alignment, suggestions, warnings }))
+}
+
+fn find_in(
+    view: &DecodedView<'_>,
+    options: &Options,
+    observer: &dyn Observer,
+) -> Result<Subject, DraftError> {
+    let document = view.document;
+    let points = |given: &[[f64; 2]]| given.iter().map(|&[x, y]| Point { x, y }).collect();
+    let hints = Hints {
+        mask: view.mask.clone(),
+        polygon: (!document.polygon.is_empty()).then(|| points(&document.polygon)),
+        erase: document.erase.iter().map(|area| points(area)).collect(),
+        attach: points(&document.attach),
+        ignore: points(&document.ignore),
+    };
+    let subject_options = SubjectOptions { clean: options.clean, ..SubjectOptions::default() };
+    let cancelled = || observer.is_cancelled();
+    find(&view.drawing, &hints, &subject_options, &cancelled).map_err(|error| {
+        let code = match error {
+            SubjectError::Cancelled => return DraftError::Cancelled(progress::Cancelled),
+            SubjectError::CoversImage => FailureCode::NoPaper,
+            SubjectError::Empty { .. } | SubjectError::NoPixels { .. } => FailureCode::BlankView,
+            SubjectError::MaskSizeDiffers { .. } | SubjectError::TooFewPoints { .. } => {
+                FailureCode::InvalidSheet
+            }
+        };
+        let detail = format!("view {}: {error}; {}", view.azimuth, code.remedy());
+        DraftError::input(code, detail)
+    })
+}
+
+fn is_by_hand(document: &ViewDocument) -> bool {
+    let lists = [document.polygon.len(), document.erase.len()];
+    lists.iter().any(|count| *count > 0)
+        || !(document.attach.is_empty() && document.ignore.is_empty())
+}
+
+/// Whether a drawing is clean line art, which needs no help.
+fn is_clean(subject: &Subject) -> bool {
+    subject.kind == DrawingKind::LineArt
+        && subject.polarity == Polarity::DarkOnLight
+        && subject.removed.is_empty()
+        && subject.closed_gaps.is_empty()
+        && subject.warnings.is_empty()
+}
+
+fn is_opaque(drawing: &RgbaImage) -> bool {
+    drawing.pixels().all(|pixel| pixel.0[3] == 255)
+}
+
+fn paired<'a>(views: &[DecodedView<'_>], subjects: &'a [Subject]) -> Vec<subject::View<'a>> {
+    let pairs = views.iter().zip(subjects);
+    let view = |(view, subject): (&DecodedView<'_>, &'a Subject)| subject::View {
+        azimuth_deg: view.azimuth.degrees(),
+        subject,
+    };
+    pairs.map(view).collect()
+}
+
+fn aligned(views: &[DecodedView<'_>], subjects: &[Subject]) -> Alignment {
+    align(&paired(views, subjects), &AlignOptions::default())
+}
+
+/// Whether views differ by more than the method's own registration mends.
+fn needs_canvas(alignment: &Alignment) -> bool {
+    let canvas = &alignment.canvas;
+    let height = (canvas.rows[1] - canvas.rows[0]).max(1.0);
+    alignment.views.iter().any(|view| {
+        let transform = &view.transform;
+        let top = transform.scale * view.rows[0] + transform.dy - view.rows[0];
+        let axis = transform.scale * view.axis_x + transform.dx - view.axis_x;
+        (transform.scale - 1.0).abs() > REGISTERED_SCALE
+            || top.abs().max(axis.abs()) > REGISTERED_SHIFT * height
+    })
+}
+
+fn suggestions(
+    views: &[DecodedView<'_>],
+    subjects: &[Subject],
+    alignment: &Alignment,
+) -> Vec<SuggestionReport> {
+    if !(3..=MAX_TESTED_VIEWS).contains(&views.len()) {
+        return Vec::new();
+    }
+    let tested = hypotheses(&paired(views, subjects), alignment, &HypothesisOptions::default());
+    let best = tested.suggestions.into_iter().take(1);
+    best.map(|verdict| SuggestionReport {
+        text: verdict.suggestion.to_string(),
+        suggestion: verdict.suggestion,
+        margin: verdict.margin,
+        applied: false,
+    })
+    .collect()
+}
+
+/// Changes azimuths or mirrors drawings as a suggestion says.
+fn follow(
+    suggestion: Suggestion,
+    views: &mut Vec<DecodedView<'_>>,
+    subjects: &mut Vec<Subject>,
+) -> Result<bool, DraftError> {
+    let azimuth = |degrees: f64| {
+        Azimuth::from_degrees(degrees)
+            .map_err(|error| DraftError::input(FailureCode::InvalidAzimuth, error))
+    };
+    let place = |views: &[DecodedView<'_>], degrees: f64| {
+        views.iter().position(|view| view.azimuth.degrees() == degrees)
+    };
+    match suggestion {
+        Suggestion::OtherSide { azimuth_deg, better_deg }
+        | Suggestion::Angle { azimuth_deg, better_deg } => {
+            let Some(at) = place(views, azimuth_deg) else { return Ok(false) };
+            views[at].azimuth = azimuth(better_deg)?;
+        }
+        Suggestion::Mirrored { azimuth_deg } => {
+            let Some(at) = place(views, azimuth_deg) else { return Ok(false) };
+            imageops::flip_horizontal_in_place(&mut views[at].drawing);
+            let subject = &mut subjects[at];
+            imageops::flip_horizontal_in_place(&mut subject.mask);
+            imageops::flip_horizontal_in_place(&mut subject.ink);
+            imageops::flip_horizontal_in_place(&mut subject.colour);
+        }
+        Suggestion::Swapped { azimuths_deg: [one, other] } => {
+            let (Some(a), Some(b)) = (place(views, one), place(views, other)) else {
+                return Ok(false);
+            };
+            (views[a].azimuth, views[b].azimuth) = (azimuth(other)?, azimuth(one)?);
+        }
+    }
+    let mut both: Vec<_> = views.drain(..).zip(subjects.drain(..)).collect();
+    both.sort_by_key(|(view, _)| view.azimuth);
+    (*views, *subjects) = both.into_iter().unzip();
+    Ok(true)
+}
+
+fn report(
+    view: &DecodedView<'_>,
+    subject: &Subject,
+    as_drawn: bool,
+    by_hand: bool,
+) -> DrawingReport {
+    DrawingReport {
+        azimuth_deg: view.azimuth.degrees(),
+        kind: subject.kind,
+        polarity: subject.polarity,
+        paper: subject.paper,
+        as_drawn,
+        by_hand,
+        stroke_px: subject.stroke_px,
+        removed: subject.removed.clone(),
+        pieces: subject.pieces.clone(),
+        closed_gaps: subject.closed_gaps.clone(),
+        warnings: subject.warnings.iter().map(ToString::to_string).collect(),
+    }
+}
+
+/// What the method works from: the drawing as it is, or what was found in it.
+fn view_of(
+    view: DecodedView<'_>,
+    subject: Subject,
+    aligned: Option<Aligned>,
+    as_drawn: bool,
+) -> View {
+    let (azimuth, elevation_deg) = (view.azimuth, view.elevation_deg);
+    let color = match &aligned {
+        Some(aligned) => color_of(&aligned.colour),
+        None => color_of(&view.drawing),
+    };
+    if as_drawn {
+        let gray = picture::flatten(&view.drawing).gray;
+        return View { elevation_deg, color, ..View::level(azimuth, gray, None) };
+    }
+    let mask_was_found = !matches!(subject.kind, DrawingKind::Given | DrawingKind::CutOut);
+    let (image, mask): (GrayImage, GrayImage) = match aligned {
+        Some(aligned) => (aligned.ink, aligned.mask),
+        None => (subject.ink, subject.mask),
+    };
+    View { elevation_deg, color, mask_was_found, ..View::level(azimuth, image, Some(mask)) }
+}
+
+/// A drawing's colours on white paper; `None` if it is grey.
+fn color_of(drawing: &RgbaImage) -> Option<RgbImage> {
+    let is_grey = |[r, g, b, a]: [u8; 4]| a == 0 || (r.abs_diff(g) < 8 && g.abs_diff(b) < 8);
+    if drawing.pixels().all(|pixel| is_grey(pixel.0)) {
+        return None;
+    }
+    Some(RgbImage::from_fn(drawing.width(), drawing.height(), |x, y| {
+        let [r, g, b, a] = drawing.get_pixel(x, y).0.map(u16::from);
+        Rgb([r, g, b].map(|level| ((level * a + 255 * (255 - a) + 127) / 255) as u8))
+    }))
+}
