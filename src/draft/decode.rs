@@ -78,7 +78,7 @@ pub(super) fn decode_sheet(
             let (views, done) = pool.install(|| subjects::prepare(views, options, observer))?;
             (views, Some(done))
         }
-        _ => (views.into_iter().map(DecodedView::as_drawn).collect(), None),
+        _ => (views.into_iter().map(DecodedView::into_drawn).collect(), None),
     };
     let sheet = Sheet::new(views)
         .map_err(|error| DraftError::input(FailureCode::InvalidSheet, error))?
@@ -172,7 +172,7 @@ pub(super) struct DecodedView<'a> {
 
 impl DecodedView<'_> {
     /// The drawing as it is, in grey, transparency being the mask.
-    fn as_drawn(self) -> View {
+    fn into_drawn(self) -> View {
         let Drawing { gray, alpha } = picture::flatten(&self.drawing);
         let level = View::level(self.azimuth, gray, self.mask.or(alpha));
         View { elevation_deg: self.elevation_deg, ..level }

@@ -285,7 +285,7 @@ fn unsuitable_views_are_refused_with_a_remedy() {
 
     let (mut document, mut files) = boxes(&[0.0, 90.0]);
     files.insert("90.png".to_owned(), png(&GrayImage::new(SIDE, SIDE / 2)));
-    assert_eq!(input_error(&document, &files).0, "no_paper");
+    assert_eq!(input_error(&document, &files).0, "blank_view");
     ::options::merge(
         document.options.get_or_insert_default(),
         json!({"sheet": {"prepare": "off"}}),

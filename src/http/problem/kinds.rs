@@ -83,7 +83,7 @@ problem_types! {
         "The part has no bytes. Check the path that the client read the file from.";
     NOT_AN_IMAGE = UNPROCESSABLE_ENTITY "not-an-image",
         "A file is not an image",
-        "Drawings and masks are PNG, JPEG, WebP or TIFF files; the file's first bytes decide, not its name.";
+        "Drawings and masks are PNG, JPEG, WebP, TIFF or GIF files with one picture each; the file's first bytes decide, not its name.";
     DAMAGED_IMAGE = UNPROCESSABLE_ENTITY "damaged-image",
         "An image is damaged or truncated",
         "The file starts like an image but cannot be decoded to its end. Export it again.";

@@ -184,7 +184,11 @@ async fn files_that_are_no_images() {
     }
     let gif = b"GIF89a\x01\x00\x01\x00\x00\x00\x00;".to_vec();
     let form = views(&["0", "45"]).part("view[90]", file(gif, "c.gif"));
-    refused(&service, form, 422, "not-an-image").await;
+    refused(&service, form, 422, "damaged-image").await;
+    let avif = b"\0\0\0\x20ftypavif\0\0\0\0".to_vec();
+    let form = views(&["0", "45"]).part("view[90]", file(avif, "c.avif"));
+    let body = refused(&service, form, 422, "not-an-image").await;
+    assert!(body["detail"].as_str().unwrap().contains("an AVIF image"), "{body}");
 }
 
 #[tokio::test]
