@@ -189,7 +189,7 @@ pub fn true_model(
 mod tests {
     use serde_json::{Value, json};
 
-    use super::super::tests::{Files, input_error, metrics, run, sheet};
+    use crate::draft::tests::{Files, input_error, metrics, run, sheet};
     use super::*;
     use artifacts::Artifact;
     use drawing::{DrawError, DrawOptions, PreparedModel, SheetLimits, draw_sheet};

@@ -227,8 +227,8 @@ pub(super) fn generator(seed: u64, stream: u64) -> ChaCha8Rng {
 
 #[cfg(test)]
 mod tests {
-    use super::super::occupancy::sample_winding;
-    use super::super::solid::shapes::{cuboid, merged, sphere};
+    use crate::occupancy::sample_winding;
+    use crate::solid::shapes::{cuboid, merged, sphere};
     use super::*;
 
     fn boundary_of(mesh: &Mesh, count: usize) -> Vec<SurfacePoint> {

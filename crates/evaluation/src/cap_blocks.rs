@@ -154,8 +154,8 @@ impl Block {
 
 #[cfg(test)]
 mod tests {
-    use super::super::occupancy::{is_inside, sample_winding};
-    use super::super::solid::shapes::{cuboid, merged, sphere};
+    use crate::occupancy::{is_inside, sample_winding};
+    use crate::solid::shapes::{cuboid, merged, sphere};
     use super::*;
     use mesh::Mesh;
 

@@ -163,8 +163,8 @@ pub fn compare_model(
 
 #[cfg(test)]
 mod tests {
-    use super::super::solid::shapes::cuboid;
-    use super::super::view::{ViewTruth, evaluate_view};
+    use crate::solid::shapes::cuboid;
+    use crate::view::{ViewTruth, evaluate_view};
     use super::*;
     use picture::FloatImage;
 

@@ -157,7 +157,7 @@ pub(super) mod shapes {
     use super::*;
 
     /// A box from `low` to `high`, faces outward.
-    pub(in super::super) fn cuboid(low: [f64; 3], high: [f64; 3]) -> Mesh {
+    pub(crate) fn cuboid(low: [f64; 3], high: [f64; 3]) -> Mesh {
         let corner =
             |bits: usize| Point3::from([0, 1, 2].map(|axis| [low, high][(bits >> axis) & 1][axis]));
         let quads =
@@ -169,7 +169,7 @@ pub(super) mod shapes {
     }
 
     /// A sphere of `rings` by twice as many segments, faces outward.
-    pub(in super::super) fn sphere(radius: f64, rings: u32) -> Mesh {
+    pub(crate) fn sphere(radius: f64, rings: u32) -> Mesh {
         let segments = 2 * rings;
         let mut mesh = Mesh::default();
         for ring in 0..=rings {
@@ -196,7 +196,7 @@ pub(super) mod shapes {
         mesh
     }
 
-    pub(in super::super) fn merged(meshes: &[Mesh]) -> Mesh {
+    pub(crate) fn merged(meshes: &[Mesh]) -> Mesh {
         let mut all = Mesh::default();
         for mesh in meshes {
             let offset = all.positions.len() as u32;

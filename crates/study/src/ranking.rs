@@ -102,7 +102,7 @@ fn ranks(values: &[f64]) -> Vec<f64> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::published::TABLE_4_2;
+    use crate::published::TABLE_4_2;
     use super::*;
 
     fn published_ranking(metric: Metric) -> Ranking {

@@ -102,7 +102,7 @@ fn count_above(crossings: &[columns::Crossing], point: &Point3<f64>) -> i64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::solid::shapes::{cuboid, merged, sphere};
+    use crate::solid::shapes::{cuboid, merged, sphere};
     use super::*;
     use rand::{Rng, SeedableRng};
     use rand_chacha::ChaCha8Rng;

@@ -8,8 +8,8 @@ use serde_json::Value;
 use sqlx::sqlite::SqliteRow;
 use sqlx::{FromRow, Row, SqliteConnection};
 
-use super::super::record::{Change, Record};
-use super::super::{Event, Job, JobId, JobState, StoreError};
+use crate::record::{Change, Record};
+use crate::{Event, Job, JobId, JobState, StoreError};
 use super::backend;
 
 /// A stored value that this version can't read.

@@ -7,8 +7,8 @@ use serde_json::Value;
 use sqlx::{QueryBuilder, Sqlite};
 use tokio::sync::broadcast;
 
-use super::super::record::{Ending, Record};
-use super::super::{
+use crate::record::{Ending, Record};
+use crate::{
     ArtifactEntry, Claim, Event, Failure, Heartbeat, Job, JobChange, JobCounts, JobId, JobState,
     JobStore, ListQuery, NewJob, Page, StoreError,
 };

@@ -1,3 +1,5 @@
+//! Alignment of views whose scale, place and frame are known.
+
 use image::{GrayImage, Luma, RgbaImage};
 
 use super::*;
