@@ -189,8 +189,8 @@ pub fn true_model(
 mod tests {
     use serde_json::{Value, json};
 
-    use crate::draft::tests::{Files, input_error, metrics, run, sheet};
     use super::*;
+    use crate::draft::tests::{Files, input_error, metrics, run, sheet};
     use artifacts::Artifact;
     use drawing::{DrawError, DrawOptions, PreparedModel, SheetLimits, draw_sheet};
     use evaluation::{ViewTruth, disparity_from_depth, disparity_from_pairs, evaluate_view};

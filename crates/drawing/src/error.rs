@@ -1,5 +1,6 @@
 //! Why a model cannot be drawn as asked.
 
+use mesh::raster::Overdrawn;
 use options::OptionProblems;
 use progress::Cancelled;
 
@@ -100,5 +101,11 @@ impl DrawError {
             Self::Cancelled(_) => "cancelled",
             Self::Encoding { .. } => "encoding",
         }
+    }
+}
+
+impl From<Overdrawn> for DrawError {
+    fn from(error: Overdrawn) -> Self {
+        Self::TooComplex { limit: error.limit }
     }
 }

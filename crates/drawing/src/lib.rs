@@ -22,7 +22,6 @@ mod obj;
 mod options;
 mod page;
 mod prepared;
-mod raster;
 mod rules;
 mod svg;
 mod truth;

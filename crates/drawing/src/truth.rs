@@ -5,8 +5,8 @@ use nalgebra::Vector3;
 
 use super::camera::Camera;
 use super::features::ViewedModel;
-use super::raster::SampleBuffer;
 use super::{DrawError, DrawOptions, PreparedModel};
+use mesh::raster::SampleBuffer;
 use picture::FloatImage;
 
 /// What is known about one view of the model, pixel by pixel.

@@ -227,9 +227,9 @@ pub(super) fn generator(seed: u64, stream: u64) -> ChaCha8Rng {
 
 #[cfg(test)]
 mod tests {
+    use super::*;
     use crate::occupancy::sample_winding;
     use crate::solid::shapes::{cuboid, merged, sphere};
-    use super::*;
 
     fn boundary_of(mesh: &Mesh, count: usize) -> Vec<SurfacePoint> {
         let field = WindingField::new(mesh).unwrap();

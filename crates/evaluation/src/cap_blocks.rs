@@ -154,9 +154,9 @@ impl Block {
 
 #[cfg(test)]
 mod tests {
+    use super::*;
     use crate::occupancy::{is_inside, sample_winding};
     use crate::solid::shapes::{cuboid, merged, sphere};
-    use super::*;
     use mesh::Mesh;
 
     fn assert_near_exact(mesh: &Mesh) {

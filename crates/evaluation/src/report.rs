@@ -163,9 +163,9 @@ pub fn compare_model(
 
 #[cfg(test)]
 mod tests {
+    use super::*;
     use crate::solid::shapes::cuboid;
     use crate::view::{ViewTruth, evaluate_view};
-    use super::*;
     use picture::FloatImage;
 
     fn report(ours: &[f32], truth: &[f32]) -> ViewReport {

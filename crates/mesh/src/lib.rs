@@ -8,12 +8,13 @@
 //! | [`shading`] | normals that break at creases | |
 //! | [`quads`] | triangles joined to quads | |
 //! | [`mod@write`] | GLB and PLY | glTF 2.0 |
-//! | [`thumbnail`] | a shaded picture | |
+//! | [`raster`], [`thumbnail`] | the nearest triangle at each sample; a shaded picture | |
 
 pub mod builtin;
 pub mod components;
 pub mod connected;
 pub mod quads;
+pub mod raster;
 pub mod read;
 pub mod repair;
 pub mod shading;

@@ -1,9 +1,10 @@
 //! A shaded picture of a mesh: front, quarter and side beside each other.
 
 use image::{GrayImage, Luma};
-use nalgebra::{Point2, Point3, Vector3};
+use nalgebra::{Point3, Vector3};
 
 use crate::Mesh;
+use crate::raster::SampleBuffer;
 use picture::{EncodeError, png};
 
 /// Side of one of the three tiles, px.
@@ -37,66 +38,23 @@ fn render(mesh: &Mesh, azimuth_rad: f64) -> GrayImage {
     let centre = nalgebra::center(&low, &high);
     let radius = (high - low).xy().norm().max(high.z - low.z) / 2.0;
     let scale = f64::from(side) / 2.0 * FILL / radius.max(f64::MIN_POSITIVE);
-    let mut depths = vec![f64::INFINITY; (side * side) as usize];
     let (sin, cos) = azimuth_rad.sin_cos();
     let seen = |p: Point3<f64>| {
         let p = (p - centre) * scale;
         let half = f64::from(side) / 2.0;
         Point3::new(p.x * cos + p.y * sin + half, half - p.z, p.y * cos - p.x * sin)
     };
-    for index in 0..mesh.triangles.len() {
-        fill(&mut picture, &mut depths, mesh.corners(index).map(seen));
+    let corners = |index: usize| mesh.corners(index).map(seen);
+    let mut buffer = SampleBuffer::new(side as usize, side as usize);
+    // A mesh that hides itself too often is shown as far as it was drawn.
+    let _ = buffer.draw((0..mesh.triangles.len()).map(corners));
+    for (pixel, sample) in picture.pixels_mut().zip(&buffer.samples) {
+        if sample.z.is_finite() {
+            let [a, b, c] = corners(sample.face as usize);
+            pixel.0 = [shade((b - a).cross(&(c - a)))];
+        }
     }
     picture
-}
-
-/// Fills one triangle: x right and y down in pixels, z away from the viewer.
-fn fill(picture: &mut GrayImage, depths: &mut [f64], [a, b, c]: [Point3<f64>; 3]) {
-    let side = picture.width();
-    let area = (b - a).xy().perp(&(c - a).xy());
-    if area.is_nan() || area.abs() <= 1e-12 {
-        return;
-    }
-    let grey = shade((b - a).cross(&(c - a)));
-    let weights = |x: f64, y: f64| {
-        let p = Point2::new(x, y);
-        let weight = |s: &Point3<f64>, t: &Point3<f64>| (t.xy() - s.xy()).perp(&(p - s.xy()));
-        [weight(&b, &c), weight(&c, &a), weight(&a, &b)].map(|w| w / area)
-    };
-    let low = a.y.min(b.y).min(c.y).floor().max(0.0) as u32;
-    let high = (a.y.max(b.y).max(c.y).ceil().max(0.0) as u32 + 1).min(side);
-    for y in low..high {
-        let row = f64::from(y) + 0.5;
-        for x in inside(weights(0.5, row), weights(1.5, row), side) {
-            let [u, v, w] = weights(f64::from(x) + 0.5, row);
-            if u < 0.0 || v < 0.0 || w < 0.0 {
-                continue;
-            }
-            let depth = u * a.z + v * b.z + w * c.z;
-            let stored = &mut depths[(y * side + x) as usize];
-            if depth < *stored {
-                *stored = depth;
-                picture.put_pixel(x, y, Luma([grey]));
-            }
-        }
-    }
-}
-
-/// The columns of a row where a triangle's weights, linear along the row and
-/// given at its first two columns, are positive; a column more on either side.
-fn inside(first: [f64; 3], second: [f64; 3], side: u32) -> std::ops::Range<u32> {
-    let (mut low, mut high) = (0.0, f64::from(side));
-    for (start, next) in first.into_iter().zip(second) {
-        let slope = next - start;
-        if slope > 0.0 {
-            low = f64::max(low, -start / slope - 1.0);
-        } else if slope < 0.0 {
-            high = f64::min(high, start / -slope + 2.0);
-        } else if start < 0.0 {
-            return 0..0;
-        }
-    }
-    if low < high { low as u32..high as u32 } else { 0..0 }
 }
 
 /// Grey of a face, lit from the viewer's upper left; both sides alike.
@@ -157,12 +115,10 @@ mod tests {
             [Point3::new(0.0, 0.0, 1.0), Point3::new(8.0, 0.0, 1.0), Point3::new(0.0, 8.0, 1.0)];
         let far =
             [Point3::new(0.0, 0.0, 2.0), Point3::new(8.0, 0.0, 9.0), Point3::new(0.0, 8.0, 2.0)];
-        for order in [[near, far], [far, near]] {
-            let mut picture = GrayImage::from_pixel(8, 8, Luma([PAPER]));
-            let mut depths = vec![f64::INFINITY; 64];
-            order.into_iter().for_each(|triangle| fill(&mut picture, &mut depths, triangle));
-            let [a, b, c] = near;
-            assert_eq!(picture.get_pixel(1, 1).0[0], shade((b - a).cross(&(c - a))));
+        for (order, nearer) in [([near, far], 0), ([far, near], 1)] {
+            let mut buffer = SampleBuffer::new(8, 8);
+            buffer.draw(order.into_iter()).unwrap();
+            assert_eq!(buffer.samples[8 + 1].face, nearer);
         }
     }
 

@@ -102,8 +102,8 @@ fn ranks(values: &[f64]) -> Vec<f64> {
 
 #[cfg(test)]
 mod tests {
-    use crate::published::TABLE_4_2;
     use super::*;
+    use crate::published::TABLE_4_2;
 
     fn published_ranking(metric: Metric) -> Ranking {
         let rows = TABLE_4_2.iter().map(|row| (row.detector, Some(published(row, metric))));

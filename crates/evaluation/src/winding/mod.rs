@@ -102,8 +102,8 @@ fn count_above(crossings: &[columns::Crossing], point: &Point3<f64>) -> i64 {
 
 #[cfg(test)]
 mod tests {
-    use crate::solid::shapes::{cuboid, merged, sphere};
     use super::*;
+    use crate::solid::shapes::{cuboid, merged, sphere};
     use rand::{Rng, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 

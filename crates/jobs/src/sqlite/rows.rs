@@ -8,9 +8,9 @@ use serde_json::Value;
 use sqlx::sqlite::SqliteRow;
 use sqlx::{FromRow, Row, SqliteConnection};
 
+use super::backend;
 use crate::record::{Change, Record};
 use crate::{Event, Job, JobId, JobState, StoreError};
-use super::backend;
 
 /// A stored value that this version can't read.
 #[derive(Debug, thiserror::Error)]

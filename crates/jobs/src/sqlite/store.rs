@@ -7,12 +7,12 @@ use serde_json::Value;
 use sqlx::{QueryBuilder, Sqlite};
 use tokio::sync::broadcast;
 
+use super::{SqliteStore, backend, rows};
 use crate::record::{Ending, Record};
 use crate::{
     ArtifactEntry, Claim, Event, Failure, Heartbeat, Job, JobChange, JobCounts, JobId, JobState,
     JobStore, ListQuery, NewJob, Page, StoreError,
 };
-use super::{SqliteStore, backend, rows};
 
 impl SqliteStore {
     async fn end(&self, id: JobId, attempt: u32, ending: Ending) -> Result<JobState, StoreError> {

@@ -5,6 +5,7 @@ use nalgebra::{Point3, Vector3};
 use crate::views::ViewSet;
 use frames::Azimuth;
 use mesh::Mesh;
+use mesh::raster::SampleBuffer;
 use mesh::shading::face_normal;
 use mesh::topology::HalfEdges;
 
@@ -164,44 +165,20 @@ impl DepthBuffer {
     pub fn of_view(mesh: &Mesh, rig: &Rig, view: usize, scale: f64) -> Self {
         let size = |px: u32| (f64::from(px) / scale).ceil() as usize;
         let (width, height) = (size(rig.width), size(rig.height));
-        let depth = vec![f32::INFINITY; width * height];
-        let mut buffer = Self { scale, width, height, depth };
         let project = rig.projection(view);
         let scaled = |point: &Point3<f64>| {
             let pixel = project(point);
-            Vector3::new(pixel.x / scale, pixel.y / scale, pixel.z)
+            Point3::new(pixel.x / scale, pixel.y / scale, pixel.z)
         };
-        let pixels: Vec<Vector3<f64>> = mesh.positions.iter().map(scaled).collect();
-        for triangle in &mesh.triangles {
-            buffer.draw(&triangle.map(|vertex| pixels[vertex as usize]));
-        }
-        buffer
-    }
-
-    fn draw(&mut self, [a, b, c]: &[Vector3<f64>; 3]) {
-        let area = (b.xy() - a.xy()).perp(&(c.xy() - a.xy()));
+        let pixels: Vec<Point3<f64>> = mesh.positions.iter().map(scaled).collect();
+        let corners = |triangle: &[u32; 3]| triangle.map(|vertex| pixels[vertex as usize]);
         // Rows grow downward: what faces the viewer turns the other way.
-        if area > -1e-9 {
-            return;
-        }
-        let range = |values: [f64; 3], limit: usize| {
-            let low = values.into_iter().fold(f64::INFINITY, f64::min);
-            let high = values.into_iter().fold(f64::NEG_INFINITY, f64::max);
-            let first = (low - 0.5).ceil().max(0.0) as usize;
-            first..((high + 0.5).floor().max(0.0) as usize).min(limit)
-        };
-        let (ab, ac) = ((b.xy() - a.xy()) / area, (c.xy() - a.xy()) / area);
-        for y in range([a.y, b.y, c.y], self.height) {
-            for x in range([a.x, b.x, c.x], self.width) {
-                let from_a = nalgebra::Vector2::new(x as f64 + 0.5, y as f64 + 0.5) - a.xy();
-                let (to_b, to_c) = (from_a.perp(&ac), ab.perp(&from_a));
-                if to_b >= 0.0 && to_c >= 0.0 && to_b + to_c <= 1.0 {
-                    let depth = (a.z + to_b * (b.z - a.z) + to_c * (c.z - a.z)) as f32;
-                    let nearest = &mut self.depth[y * self.width + x];
-                    *nearest = nearest.min(depth);
-                }
-            }
-        }
+        let faces_viewer = |[a, b, c]: &[Point3<f64>; 3]| (b - a).xy().perp(&(c - a).xy()) < -1e-9;
+        let mut samples = SampleBuffer::new(width, height);
+        // Closed meshes of bounded size do not hide themselves too often.
+        let _ = samples.draw(mesh.triangles.iter().map(corners).filter(faces_viewer));
+        let depth = samples.samples.iter().map(|sample| sample.z).collect();
+        Self { scale, width, height, depth }
     }
 
     /// The depth of the surface at a pixel of the buffer, px, if there is any.

@@ -1,19 +1,20 @@
-//! The nearest surface at each sample of a view: a depth buffer.
+//! The one rasteriser: the nearest triangle at each sample of a grid.
 
 use nalgebra::Point3;
 
-use super::DrawError;
-
 /// The nearest surface at each sample of a view.
-pub(super) struct SampleBuffer {
+pub struct SampleBuffer {
+    /// Samples a row.
     pub width: usize,
+    /// Rows.
     pub height: usize,
     /// Row by row.
     pub samples: Vec<Sample>,
 }
 
+/// What is nearest at one sample.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Sample {
+pub struct Sample {
     /// z of the view frame, refined pixels; infinite where nothing is.
     pub z: f32,
     /// The triangle; meaningless where nothing is.
@@ -22,11 +23,20 @@ pub(super) struct Sample {
 
 const NOTHING: Sample = Sample { z: f32::INFINITY, face: 0 };
 
+/// Triangles hide each other too often.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the triangles hide each other too often: over {limit} samples were visited")]
+pub struct Overdrawn {
+    /// Samples that one picture may visit.
+    pub limit: u64,
+}
+
 /// Samples that one view may visit, overdraw included: some seconds' work.
 const MAX_VISITED: u64 = 1 << 32;
 
 impl SampleBuffer {
-    pub(crate) fn new(width: usize, height: usize) -> Self {
+    /// Nothing is drawn yet.
+    pub fn new(width: usize, height: usize) -> Self {
         Self { width, height, samples: vec![NOTHING; width * height] }
     }
 
@@ -34,16 +44,16 @@ impl SampleBuffer {
     /// from both sides.
     ///
     /// # Errors
-    /// [`DrawError::TooComplex`] if the triangles cover each other too many times.
-    pub(crate) fn draw(
+    /// [`Overdrawn`] if the triangles cover each other too many times.
+    pub fn draw(
         &mut self,
         triangles: impl Iterator<Item = [Point3<f64>; 3]>,
-    ) -> Result<(), DrawError> {
+    ) -> Result<(), Overdrawn> {
         let mut visited = 0_u64;
         for (face, corners) in triangles.enumerate() {
             visited += self.draw_triangle(face as u32, corners);
             if visited > MAX_VISITED {
-                return Err(DrawError::TooComplex { limit: MAX_VISITED });
+                return Err(Overdrawn { limit: MAX_VISITED });
             }
         }
         Ok(())
@@ -53,7 +63,7 @@ impl SampleBuffer {
     ///
     /// * `first`: the pixel's first sample.
     /// * `factor`: samples of the pixel on each axis.
-    pub(crate) fn hits(&self, first: usize, factor: usize, hits: &mut Vec<usize>) {
+    pub fn hits(&self, first: usize, factor: usize, hits: &mut Vec<usize>) {
         hits.clear();
         for row in 0..factor {
             let first = first + row * self.width;
