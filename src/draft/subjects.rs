@@ -25,6 +25,8 @@ use crate::failure_code::FailureCode;
 const REGISTERED_SCALE: f64 = 0.08;
 /// The same for shifts, share of the figure's height.
 const REGISTERED_SHIFT: f64 = 0.04;
+/// Paper that changes by more is not taken as white, grey levels.
+const MAX_UNEVENNESS: f64 = 16.0;
 /// More views are not tested against each other: their number of pairs grows.
 const MAX_TESTED_VIEWS: usize = 12;
 
@@ -161,6 +163,7 @@ fn is_by_hand(document: &ViewDocument) -> bool {
 fn is_clean(subject: &Subject) -> bool {
     subject.kind == DrawingKind::LineArt
         && subject.polarity == Polarity::DarkOnLight
+        && subject.paper.unevenness < MAX_UNEVENNESS
         && subject.removed.is_empty()
         && subject.closed_gaps.is_empty()
         && subject.warnings.is_empty()
