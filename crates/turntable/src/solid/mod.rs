@@ -6,6 +6,7 @@ mod carving;
 mod crease;
 mod fusion;
 mod holes;
+mod learned;
 mod outline;
 mod parts;
 mod phantoms;
@@ -36,6 +37,7 @@ pub use holes::{Hole, HoleHint};
 use mesh::shading::{CREASE_ANGLE_DEG, crease_edges};
 use mesh::{Mesh, components};
 use outline::Outline;
+use prior::PriorError;
 use progress::{Cancelled, Observer, Stage, Steps};
 use solid_views::SolidSheet;
 pub use symmetry::MirrorPlane;
@@ -76,12 +78,21 @@ pub struct SolidReport {
     pub sharp_corners: usize,
     /// Corners of all slices.
     pub corners: usize,
+    /// What the learned prior had to say; `None` if it was not asked.
+    pub prior: Option<PriorReport>,
     /// Separate pieces of the surface, kept and dropped.
     pub pieces: components::Pieces,
     /// Triangles of the surface as it was found, and in the end.
     pub full_faces: usize,
     /// In the end, after decimation.
     pub faces: usize,
+}
+
+/// How the learned prior was used.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+pub struct PriorReport {
+    /// Whether the solid is the one that it shaped.
+    pub used: bool,
 }
 
 /// The depths of one view.
@@ -110,9 +121,21 @@ pub enum SolidError {
     /// The visual hull is empty.
     #[error("the silhouettes contradict each other everywhere: nothing is inside all of them")]
     Empty,
+    /// The learned prior failed; its own message.
+    #[error("{0}")]
+    Prior(String),
     /// Somebody asked to stop.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
+}
+
+impl From<PriorError> for SolidError {
+    fn from(error: PriorError) -> Self {
+        match error {
+            PriorError::Cancelled(cancelled) => Self::Cancelled(cancelled),
+            other => Self::Prior(other.to_string()),
+        }
+    }
 }
 
 /// What a solid is built from.
@@ -147,7 +170,7 @@ pub fn build(
     let steps = Steps::new(observer, Stage::Solid, STEPS);
     steps.done(0, "")?;
     let sheet = prepared_sheet(input, options, &mut report);
-    let full = full_mesh(&sheet, input, options, &steps, &mut report)?;
+    let full = full_mesh(&sheet, input, options, &steps, observer, &mut report)?;
     let (full, pieces) = components::without_floaters(&full, options.min_piece_percent / 100.0);
     report.pieces = pieces;
     if full.triangles.is_empty() {
@@ -208,6 +231,7 @@ fn full_mesh(
     input: &SolidInput,
     options: &SolidOptions,
     steps: &Steps<'_>,
+    observer: &dyn Observer,
     report: &mut SolidReport,
 ) -> Result<Mesh, SolidError> {
     let directions = sheet.directions();
@@ -243,6 +267,14 @@ fn full_mesh(
             CarvingView::of_sheet(sheet, input.depth_maps, fusion::reach_px(&field.lattice));
         report.carving_views = views.len();
         fuse(&mut field, &slices, &directions, &views);
+    }
+    if options.prior != Switch::Off && options.kind == SolidKind::Creased {
+        let logits = learned::logits(sheet, input.views, observer)?;
+        field = learned::blend(&field, &slices, &directions, &logits);
+        report.prior = Some(PriorReport { used: true });
+    } else if options.kind == SolidKind::Creased && std::env::var("K_SMOOTH").is_ok() {
+        let hulls: Vec<_> = slices.iter().map(|slice| learned::hull_plane(&field.lattice, slice)).collect();
+        learned::smooth(&mut field, &hulls, &directions);
     }
     steps.done(4, "field")?;
     let occupancy = Occupancy::of_field(&field);
