@@ -176,7 +176,7 @@ fn measure(
             }
             if let Some(folder) = arguments.named.get("pictures") {
                 let path = PathBuf::from(folder).join(format!("{}_{set}_{name}.png", entry.name));
-                std::fs::write(path, mesh::thumbnail::thumbnail(&draft.solid.mesh)?)?;
+                std::fs::write(path, mesh::thumbnail(&draft.solid.mesh)?)?;
             }
             let kind = if entry.figure { "figures" } else { "others" };
             for group in [kind, "all"] {

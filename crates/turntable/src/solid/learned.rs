@@ -74,6 +74,11 @@ fn darkness(sheet: &SolidSheet, views: &ViewSet, view: &SolidView) -> Vec<f32> {
 
 /// How much more the prior must say against the solid than for it, logits.
 const MARGIN: f32 = 1.0;
+/// How much more that is where every corner is a drawn crease: walls are flat
+/// there, as the prior seldom believes.
+const MARGIN_OF_CREASES: f32 = 2.0;
+/// Slices to each side over which creases are averaged, share of all.
+const WINDOW: f64 = 0.04;
 /// The distance from the solid's surface from which on the margin is whole,
 /// nodes of the lattice.
 const RAMP: f32 = 3.0;
@@ -99,9 +104,12 @@ pub(super) fn blend(
     let limit = lattice.truncation_px() as f32;
     let (margin, ramp, scale) = (knob("K_MARGIN", MARGIN), knob("K_RAMP", RAMP) * lattice.pitch_px as f32, knob("K_SCALE", PITCHES_PER_LOGIT) * lattice.pitch_px as f32);
     let hulls: Vec<Plane> = slices.par_iter().map(|slice| hull_plane(&lattice, slice)).collect();
+    let creased = creased_shares(field, slices);
+    let (base, per_crease) = (margin, knob("K_CREASE", MARGIN_OF_CREASES));
     let blended = |(k, (plane, hull)): (usize, (&Plane, &Plane))| {
         let mut out = Plane { creases: plane.creases.clone(), ..hull.clone() };
         let z = lattice.z(k);
+        let margin = base + per_crease * creased[k];
         for (index, value) in out.values.iter_mut().enumerate() {
             if *value > 0.0 {
                 let (i, j) = hull.node(index);
@@ -118,6 +126,28 @@ pub(super) fn blend(
     let mut field = Field { lattice, planes };
     smooth(&mut field, &hulls, directions);
     field
+}
+
+/// Per slice, the share of corners that are drawn as creases, averaged over
+/// slices around.
+fn creased_shares(field: &Field, slices: &[Slice]) -> Vec<f32> {
+    let counts: Vec<[usize; 2]> = field
+        .planes
+        .iter()
+        .zip(slices)
+        .map(|(plane, slice)| {
+            let corners = slice.sections.iter().map(super::section::Section::len).sum();
+            [plane.creases.len(), corners]
+        })
+        .collect();
+    let window = (WINDOW * slices.len() as f64).ceil() as usize;
+    (0..counts.len())
+        .map(|k| {
+            let near = &counts[k.saturating_sub(window)..(k + window + 1).min(counts.len())];
+            let sum = |index: usize| near.iter().map(|count| count[index]).sum::<usize>() as f32;
+            sum(0) / sum(1).max(1.0)
+        })
+        .collect()
 }
 
 /// The sections of a slice as signed distances.

@@ -10,6 +10,7 @@ mod learned;
 mod outline;
 mod parts;
 mod phantoms;
+mod redraw;
 mod rounding;
 mod section;
 mod solid_views;
@@ -39,6 +40,7 @@ use mesh::{Mesh, components};
 use outline::Outline;
 use prior::PriorError;
 use progress::{Cancelled, Observer, Stage, Steps};
+pub use redraw::Explained;
 use solid_views::SolidSheet;
 pub use symmetry::MirrorPlane;
 
@@ -64,6 +66,9 @@ pub struct SolidReport {
     pub mirror_plane: Option<MirrorPlane>,
     /// Holes through the subject that were carved.
     pub holes: Vec<Hole>,
+    /// Regions that may be holes, but would leave lines or outlines of other
+    /// views without anything behind them.
+    pub hole_candidates: Vec<Hole>,
     /// Views, drawn or mirrored, whose depths carved the solid.
     pub carving_views: usize,
     /// Slices through the solid and the distance between them, px.
@@ -93,6 +98,11 @@ pub struct SolidReport {
 pub struct PriorReport {
     /// Whether the solid is the one that it shaped.
     pub used: bool,
+    /// How well the solid without the prior explains the drawings; `None` if it
+    /// was not to choose.
+    pub without: Option<Explained>,
+    /// The same with the prior.
+    pub with: Option<Explained>,
 }
 
 /// The depths of one view.
@@ -201,7 +211,7 @@ fn prepared_sheet(
         silhouettes.map(|silhouette| (silhouette.mask(), silhouette.half_line_px())).unzip();
     let seen = symmetry::detect(&sheet.drawings(), false);
     if options.holes != Holes::Off || !input.hole_hints.is_empty() {
-        report.holes = holes::carve(
+        let found = holes::carve(
             &mut sheet,
             &masks,
             &half_line_px,
@@ -209,6 +219,7 @@ fn prepared_sheet(
             input.hole_hints,
             options.holes,
         );
+        (report.holes, report.hole_candidates) = (found.carved, found.candidates);
     }
     if options.symmetry != Switch::Off && options.kind == SolidKind::Creased {
         let forced = options.symmetry == Switch::On;
@@ -268,19 +279,40 @@ fn full_mesh(
         report.carving_views = views.len();
         fuse(&mut field, &slices, &directions, &views);
     }
-    if options.prior != Switch::Off && options.kind == SolidKind::Creased {
-        let logits = learned::logits(sheet, input.views, observer)?;
-        field = learned::blend(&field, &slices, &directions, &logits);
-        report.prior = Some(PriorReport { used: true });
-    } else if options.kind == SolidKind::Creased && std::env::var("K_SMOOTH").is_ok() {
-        let hulls: Vec<_> = slices.iter().map(|slice| learned::hull_plane(&field.lattice, slice)).collect();
-        learned::smooth(&mut field, &hulls, &directions);
-    }
     steps.done(4, "field")?;
-    let occupancy = Occupancy::of_field(&field);
-    let quads = quad_mesh::quads_of_field(&field, &occupancy);
-    report.full_faces = quads.quads.len() * 2;
-    Ok(clusters::clustered(&quads, &occupancy, options.tolerance_px))
+    let without = || surface_of(&field, options);
+    let asks = options.prior != Switch::Off && options.kind == SolidKind::Creased;
+    let (mesh, full_faces) = if asks {
+        let logits = learned::logits(sheet, input.views, observer)?;
+        let blended = learned::blend(&field, &slices, &directions, &logits);
+        let with = surface_of(&blended, options);
+        if options.prior == Switch::On {
+            report.prior = Some(PriorReport { used: true, without: None, with: None });
+            with
+        } else {
+            let without = without();
+            let rig = Rig::of_views(input.views);
+            let explained =
+                |mesh: &Mesh| redraw::explained(mesh, &rig, sheet, input.silhouettes);
+            let scores = (explained(&without.0), explained(&with.0));
+            let used = scores.1.score() >= scores.0.score();
+            report.prior =
+                Some(PriorReport { used, without: Some(scores.0), with: Some(scores.1) });
+            if used { with } else { without }
+        }
+    } else {
+        without()
+    };
+    report.full_faces = full_faces;
+    Ok(mesh)
+}
+
+/// The field's surface and how many triangles it had before flat ones were joined.
+fn surface_of(field: &Field, options: &SolidOptions) -> (Mesh, usize) {
+    let occupancy = Occupancy::of_field(field);
+    let quads = quad_mesh::quads_of_field(field, &occupancy);
+    let faces = quads.quads.len() * 2;
+    (clusters::clustered(&quads, &occupancy, options.tolerance_px), faces)
 }
 
 fn support_of(mesh: &Mesh, input: &SolidInput, sheet: &SolidSheet) -> Vec<Support> {
