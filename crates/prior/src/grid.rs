@@ -103,21 +103,23 @@ fn hull_box(input: &PriorInput<'_>) -> Option<([f64; 3], [f64; 3])> {
             let mut range = [usize::MAX, 0, usize::MAX, 0];
             for j in 0..PROBES {
                 for i in 0..PROBES {
-                    let shown = input.views.iter().zip(&directions).all(|(view, (sine, cosine))| {
-                        let column = at(i) * cosine + at(j) * sine + input.axis_px;
-                        bilinear(view.mask, input.size, column, row) > 0.5
-                    });
+                    let shown =
+                        input.views.iter().zip(&directions).all(|(view, (sine, cosine))| {
+                            let column = at(i) * cosine + at(j) * sine + input.axis_px;
+                            bilinear(view.mask, input.size, column, row) > 0.5
+                        });
                     if shown {
-                        range = [range[0].min(i), range[1].max(i), range[2].min(j), range[3].max(j)];
+                        range =
+                            [range[0].min(i), range[1].max(i), range[2].min(j), range[3].max(j)];
                     }
                 }
             }
             (range[0] != usize::MAX).then_some(range)
         })
         .collect();
-    let range = ranges.into_iter().reduce(|a, b| {
-        [a[0].min(b[0]), a[1].max(b[1]), a[2].min(b[2]), a[3].max(b[3])]
-    })?;
+    let range = ranges
+        .into_iter()
+        .reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1]), a[2].min(b[2]), a[3].max(b[3])])?;
     let (low, high) = (|index| at(index) - step / 2.0, |index| at(index) + step / 2.0);
     Some(([low(range[0]), low(range[2]), low_z], [high(range[1]), high(range[3]), high_z]))
 }

@@ -128,7 +128,8 @@ impl Prior {
         check(input)?;
         let azimuths: Vec<f64> = input.views.iter().map(|view| view.azimuth_rad).collect();
         let chosen = choice::best_spread(&azimuths, MAX_VIEWS);
-        let views: Vec<PriorView<'_>> = chosen.into_iter().map(|index| input.views[index]).collect();
+        let views: Vec<PriorView<'_>> =
+            chosen.into_iter().map(|index| input.views[index]).collect();
         let input = PriorInput { views, ..*input };
         let grid = Grid::around(&input, voxels).ok_or(PriorError::EmptyHull)?;
         let images: Vec<sampling::Sampled> =

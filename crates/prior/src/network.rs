@@ -57,7 +57,8 @@ impl Network {
             [&[views, FEATURES, ny, nx, nz], &[views, 4, ny, nx, 1], &[1, EXTRAS, ny, nx, nz]];
         let plan = plan(&self.volume, &shapes)?;
         let inputs = shapes.iter().zip([lifted.features, lifted.position, lifted.extra]);
-        let inputs = inputs.map(|(shape, values)| tensor(shape, values)).collect::<Result<_, _>>()?;
+        let inputs =
+            inputs.map(|(shape, values)| tensor(shape, values)).collect::<Result<_, _>>()?;
         run(&plan, inputs)
     }
 }

@@ -25,8 +25,8 @@ impl Sampled {
 pub(crate) fn sampled(input: &PriorInput<'_>, view: &PriorView<'_>, grid: &Grid) -> Sampled {
     let (columns, rows) = (grid.view_columns() * UP, grid.size[2] * UP);
     let pitch = grid.pitch_px / UP as f64;
-    let first_column = input.axis_px + grid.column_of_centre(view.azimuth_rad)
-        - columns as f64 / 2.0 * pitch;
+    let first_column =
+        input.axis_px + grid.column_of_centre(view.azimuth_rad) - columns as f64 / 2.0 * pitch;
     let first_row = input.origin_row_px - grid.centre[2] - rows as f64 / 2.0 * pitch;
     let across = taps(columns, first_column, pitch, input.size.0);
     let down = taps(rows, first_row, pitch, input.size.1);

@@ -65,7 +65,8 @@ fn entries(index: &str, folder: &Path) -> Vec<Entry> {
         let (name, kind) = (*cells.get(1)?, *cells.get(2)?);
         // Dev rows have a family before the source and a leak after the share.
         let solid = cells.get(if cells.len() > 9 { 7 } else { 6 })?.parse().unwrap_or(0.0);
-        let figure = ["humanoid", "animal", "quadruped", "bird"].iter().any(|k| kind.starts_with(k));
+        let figure =
+            ["humanoid", "animal", "quadruped", "bird"].iter().any(|k| kind.starts_with(k));
         folder.join(format!("{name}.glb")).exists().then(|| Entry {
             name: name.to_owned(),
             figure,
@@ -144,12 +145,7 @@ fn variants(arguments: &Arguments) -> Vec<(String, TurntableOptions)> {
 
 type Sums = BTreeMap<(String, &'static str), Vec<(String, f64)>>;
 
-fn measure(
-    entry: &Entry,
-    folder: &Path,
-    arguments: &Arguments,
-    sums: &mut Sums,
-) -> Fallible<()> {
+fn measure(entry: &Entry, folder: &Path, arguments: &Arguments, sums: &mut Sums) -> Fallible<()> {
     let size: Vec<u32> =
         arguments.get("size", "480x270").split('x').filter_map(|side| side.parse().ok()).collect();
     let draw = DrawOptions { width_px: size[0], height_px: size[1], ..DrawOptions::default() };
@@ -164,7 +160,8 @@ fn measure(
     let truth = SolidTruth::new(&truth, comparison)?;
     for set in arguments.get("sets", "T5").split(',') {
         let sheet = sheet_of(&drawer, &azimuths(set))?;
-        let mut line = format!("{:28} {} {set:7}", entry.name, if entry.figure { 'f' } else { 'o' });
+        let mut line =
+            format!("{:28} {} {set:7}", entry.name, if entry.figure { 'f' } else { 'o' });
         for (name, options) in variants(arguments) {
             let start = Instant::now();
             let draft = turntable::reconstruct(&sheet, &[], &options, &Silent)?;
@@ -202,7 +199,8 @@ fn main() -> Fallible<()> {
     let all = entries(&std::fs::read_to_string(index)?, folder);
     let every: usize = arguments.get("every", "1").parse()?;
     let limit: usize = arguments.get("limit", "100000").parse()?;
-    let names: Vec<&str> = arguments.get("names", "").split(',').filter(|n| !n.is_empty()).collect();
+    let names: Vec<&str> =
+        arguments.get("names", "").split(',').filter(|n| !n.is_empty()).collect();
     let chosen = all.iter().filter(|entry| names.is_empty() || names.contains(&&*entry.name));
     let closed = arguments.named.contains_key("closed");
     let chosen = chosen.filter(|entry| !closed || entry.solid >= CLOSED);

@@ -151,7 +151,7 @@ pub struct SolidOptions {
     /// Whether depth maps carve the solid.
     pub fusion: bool,
     /// Whether what a network learned from random shapes decides what the
-    /// drawings leave open; by itself where that explains the lines better.
+    /// drawings leave open; by itself unless that leaves outlines uncovered.
     pub prior: Switch,
     /// Cells along the solid's longest side, at least a pixel each.
     #[schemars(range(min = 16, max = 512))]

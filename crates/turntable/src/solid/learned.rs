@@ -73,81 +73,51 @@ fn darkness(sheet: &SolidSheet, views: &ViewSet, view: &SolidView) -> Vec<f32> {
 }
 
 /// How much more the prior must say against the solid than for it, logits.
-const MARGIN: f32 = 1.0;
-/// How much more that is where every corner is a drawn crease: walls are flat
-/// there, as the prior seldom believes.
-const MARGIN_OF_CREASES: f32 = 2.0;
-/// Slices to each side over which creases are averaged, share of all.
-const WINDOW: f64 = 0.04;
+const MARGIN: f32 = 2.0;
+/// How much more that is where depth maps had their say.
+const DEPTH_GAIN: f32 = 2.0;
 /// The distance from the solid's surface from which on the margin is whole,
 /// nodes of the lattice.
 const RAMP: f32 = 3.0;
 /// How much a logit counts as distance, nodes of the lattice.
 const PITCHES_PER_LOGIT: f32 = 0.7;
 
-fn knob(name: &str, default: f32) -> f32 {
-    std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(default)
-}
-
 /// The solid and the prior as one field.
 ///
 /// Signed distances of `field` become logits of at most [`MARGIN`] and are added
-/// to the prior's; nothing lies beyond the sections of `slices`.
+/// to the prior's, of more where depth maps had their say (`has_depth`); nothing
+/// lies beyond the sections of `slices`.
 pub(super) fn blend(
     field: &Field,
     slices: &[Slice],
     directions: &[Outline],
     logits: &LogitField,
+    has_depth: bool,
 ) -> Field {
     use rayon::prelude::*;
     let lattice = field.lattice;
     let limit = lattice.truncation_px() as f32;
-    let (margin, ramp, scale) = (knob("K_MARGIN", MARGIN), knob("K_RAMP", RAMP) * lattice.pitch_px as f32, knob("K_SCALE", PITCHES_PER_LOGIT) * lattice.pitch_px as f32);
+    let pitch = lattice.pitch_px as f32;
+    let margin = if has_depth { MARGIN * DEPTH_GAIN } else { MARGIN };
     let hulls: Vec<Plane> = slices.par_iter().map(|slice| hull_plane(&lattice, slice)).collect();
-    let creased = creased_shares(field, slices);
-    let (base, per_crease) = (margin, knob("K_CREASE", MARGIN_OF_CREASES));
     let blended = |(k, (plane, hull)): (usize, (&Plane, &Plane))| {
         let mut out = Plane { creases: plane.creases.clone(), ..hull.clone() };
         let z = lattice.z(k);
-        let margin = base + per_crease * creased[k];
         for (index, value) in out.values.iter_mut().enumerate() {
             if *value > 0.0 {
                 let (i, j) = hull.node(index);
                 let own = plane.at(i, j, -limit);
                 let logit = logits.sample([lattice.x(i), lattice.y(j), z]);
-                let sum = logit + margin * (own / ramp).clamp(-1.0, 1.0);
-                *value = (sum * scale).min(*value).clamp(-limit, limit);
+                let sum = logit + margin * (own / (RAMP * pitch)).clamp(-1.0, 1.0);
+                *value = (sum * PITCHES_PER_LOGIT * pitch).min(*value).clamp(-limit, limit);
             }
         }
         out
     };
-    let planes: Vec<Plane> =
-        field.planes.par_iter().zip(&hulls).enumerate().map(blended).collect();
+    let planes: Vec<Plane> = field.planes.par_iter().zip(&hulls).enumerate().map(blended).collect();
     let mut field = Field { lattice, planes };
     smooth(&mut field, &hulls, directions);
     field
-}
-
-/// Per slice, the share of corners that are drawn as creases, averaged over
-/// slices around.
-fn creased_shares(field: &Field, slices: &[Slice]) -> Vec<f32> {
-    let counts: Vec<[usize; 2]> = field
-        .planes
-        .iter()
-        .zip(slices)
-        .map(|(plane, slice)| {
-            let corners = slice.sections.iter().map(super::section::Section::len).sum();
-            [plane.creases.len(), corners]
-        })
-        .collect();
-    let window = (WINDOW * slices.len() as f64).ceil() as usize;
-    (0..counts.len())
-        .map(|k| {
-            let near = &counts[k.saturating_sub(window)..(k + window + 1).min(counts.len())];
-            let sum = |index: usize| near.iter().map(|count| count[index]).sum::<usize>() as f32;
-            sum(0) / sum(1).max(1.0)
-        })
-        .collect()
 }
 
 /// The sections of a slice as signed distances.
@@ -165,8 +135,7 @@ pub(super) fn smooth(field: &mut Field, hulls: &[Plane], directions: &[Outline])
     use rayon::prelude::*;
     let lattice = field.lattice;
     let limit = lattice.truncation_px() as f32;
-    let within: Vec<Plane> =
-        field.planes.par_iter().map(super::fusion::smoothed).collect();
+    let within: Vec<Plane> = field.planes.par_iter().map(super::fusion::smoothed).collect();
     let last = within.len().saturating_sub(1);
     let original = std::mem::take(&mut field.planes);
     field.planes = original
@@ -197,7 +166,8 @@ fn keep_near(out: &mut Plane, own: &Plane, lattice: &Lattice, crease: &nalgebra:
     for j in j - REACH..=j + REACH {
         for i in i - REACH..=i + REACH {
             let (i, j) = (i - own.first[0] as isize, j - own.first[1] as isize);
-            let inside = i >= 0 && j >= 0 && (i as usize) < own.size[0] && (j as usize) < own.size[1];
+            let inside =
+                i >= 0 && j >= 0 && (i as usize) < own.size[0] && (j as usize) < own.size[1];
             if inside {
                 let index = j as usize * own.size[0] + i as usize;
                 out.values[index] = own.values[index];

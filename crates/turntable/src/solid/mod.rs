@@ -163,6 +163,8 @@ pub struct SolidInput<'a> {
 
 /// Views, slices, creases, field, surface, decimation, support.
 const STEPS: usize = 7;
+/// How much less of the outlines the solid with the prior may cover, IoU.
+const MAX_LOST_SILHOUETTE: f64 = 0.03;
 /// Fewer triangles bound no shape worth having.
 const MIN_TARGET_FACES: usize = 100;
 
@@ -283,8 +285,9 @@ fn full_mesh(
     let without = || surface_of(&field, options);
     let asks = options.prior != Switch::Off && options.kind == SolidKind::Creased;
     let (mesh, full_faces) = if asks {
+        let has_depth = report.carving_views > 0;
         let logits = learned::logits(sheet, input.views, observer)?;
-        let blended = learned::blend(&field, &slices, &directions, &logits);
+        let blended = learned::blend(&field, &slices, &directions, &logits, has_depth);
         let with = surface_of(&blended, options);
         if options.prior == Switch::On {
             report.prior = Some(PriorReport { used: true, without: None, with: None });
@@ -292,10 +295,9 @@ fn full_mesh(
         } else {
             let without = without();
             let rig = Rig::of_views(input.views);
-            let explained =
-                |mesh: &Mesh| redraw::explained(mesh, &rig, sheet, input.silhouettes);
+            let explained = |mesh: &Mesh| redraw::explained(mesh, &rig, sheet, input.silhouettes);
             let scores = (explained(&without.0), explained(&with.0));
-            let used = scores.1.score() >= scores.0.score();
+            let used = scores.1.silhouettes >= scores.0.silhouettes - MAX_LOST_SILHOUETTE;
             report.prior =
                 Some(PriorReport { used, without: Some(scores.0), with: Some(scores.1) });
             if used { with } else { without }

@@ -28,15 +28,6 @@ pub struct Explained {
     pub silhouettes: f64,
 }
 
-impl Explained {
-    /// Higher is better, 0 to 1.
-    pub fn score(&self) -> f64 {
-        let both = self.ink + self.steps;
-        let lines = if both > 0.0 { 2.0 * self.ink * self.steps / both } else { 0.0 };
-        lines * self.silhouettes
-    }
-}
-
 /// Bits of a drawing, row by row.
 struct Bits {
     width: isize,
@@ -64,7 +55,11 @@ impl Bits {
     fn around(&self, reach: isize, all: bool) -> Self {
         let range = || -reach..=reach;
         let joined = |mut places: &mut dyn Iterator<Item = bool>| {
-            if all { Iterator::all(&mut places, |bit| bit) } else { Iterator::any(&mut places, |bit| bit) }
+            if all {
+                Iterator::all(&mut places, |bit| bit)
+            } else {
+                Iterator::any(&mut places, |bit| bit)
+            }
         };
         let (width, height) = (self.width as usize, self.height as usize);
         let wide =
@@ -108,15 +103,13 @@ pub(super) fn explained(
                 within(x, y) && mask.get_pixel(x as u32, y as u32).0[0] != 0
             });
             let inner = shown.around(OUTLINE_PX, true);
-            let inner_ink =
-                Bits::new(width, height, |x, y| inked.get(x, y) && inner.get(x, y));
+            let inner_ink = Bits::new(width, height, |x, y| inked.get(x, y) && inner.get(x, y));
             let depth = |x: isize, y: isize| {
                 let inside = x >= 0 && y >= 0;
                 inside.then(|| buffer.nearest(x as usize, y as usize)).flatten()
             };
-            let covered = Bits::new(width, height, |x, y| {
-                (x as usize) < width && depth(x, y).is_some()
-            });
+            let covered =
+                Bits::new(width, height, |x, y| (x as usize) < width && depth(x, y).is_some());
             let step = STEP * longest;
             let neighbours = |x: isize, y: isize| {
                 [(1, 0), (0, 1)].map(|(dx, dy)| (depth(x - dx, y - dy), depth(x + dx, y + dy)))

@@ -143,6 +143,30 @@ impl Evidence<'_> {
         }
     }
 
+    /// How long the passage through the other views' hull is, over the smaller
+    /// of its width and height.
+    pub(super) fn length_over_width(&self, region: &Region) -> f64 {
+        let bounds = self.bounds(region.view);
+        let outlines: Vec<&Outline> =
+            bounds.iter().map(|&view| &self.sheet.views[view].outline).collect();
+        let toward = outlines[0].toward_camera();
+        let (mut lengths, mut count) = (0.0, 0);
+        for y in self.tested_rows(&[region]) {
+            let open = union(columns_of(region, y, 0.0, self.sheet.axis_px));
+            let mut rows: Vec<&[(f64, f64)]> =
+                outlines.iter().map(|outline| outline.row(y)).collect();
+            rows[0] = &open;
+            let passage = sections_of_row(&outlines, &rows, self.sheet.width as f64);
+            lengths += length(&covered(&passage, &toward));
+            count += 1;
+        }
+        let columns = region.runs.iter().map(|run| (run.1, run.2));
+        let (left, right) = columns.fold((usize::MAX, 0), |(l, r), (a, b)| (l.min(a), r.max(b)));
+        let height = region.runs[region.runs.len() - 1].0 + 1 - region.runs[0].0;
+        let width = right.saturating_sub(left).min(height).max(1);
+        lengths / f64::from(count.max(1)) / width as f64
+    }
+
     /// Whether a line crosses row `y` well within a range of columns.
     fn has_ink(&self, view: usize, y: usize, (low, high): (f64, f64)) -> bool {
         let column = |px: f64| (px + self.sheet.axis_px).max(0.0) as usize;

@@ -52,13 +52,12 @@ const MAX_UNCOVERED: f64 = 0.08;
 /// The share of rows in which a hole may leave a line of another view without
 /// anything that it is drawn on.
 const MAX_INKED: f64 = 0.05;
+/// A passage longer than this many times its width is more likely a panel that
+/// is drawn on both sides.
+const MAX_LENGTH: f64 = 1.0;
 /// Of more views than this, more than one must confirm a hole: regions that
 /// happen to look like one are many among them.
 const MANY_VIEWS: usize = 8;
-
-fn knob(name: &str, default: f64) -> f64 {
-    std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(default)
-}
 
 /// Holes that were carved, and regions that others spoke for and against.
 #[derive(Clone, Debug, Default)]
@@ -141,7 +140,11 @@ fn accept<'a>(
         let possible = mode != Holes::Off
             && region.ring <= max_ring
             && evidence.confirms(region, required, mode == Holes::Eager);
-        if hinted || (possible && nothing_falls(&evidence, region)) {
+        let is_open = || {
+            (mode == Holes::Eager || evidence.length_over_width(region) <= MAX_LENGTH)
+                && nothing_falls(&evidence, region)
+        };
+        if hinted || (possible && is_open()) {
             accepted.push((region, hinted));
             region.runs.iter().for_each(|run| rows_with_hole[run.0] = true);
         } else if possible {
@@ -154,7 +157,7 @@ fn accept<'a>(
 /// Whether the other views keep something behind outlines and lines.
 fn nothing_falls(evidence: &Evidence<'_>, region: &Region) -> bool {
     let uncovered = evidence.uncovered(region);
-    uncovered.share < knob("K_UNC", MAX_UNCOVERED) && uncovered.inked_share <= knob("K_INKED", MAX_INKED)
+    uncovered.share < MAX_UNCOVERED && uncovered.inked_share <= MAX_INKED
 }
 
 fn is_hinted(sheet: &SolidSheet, region: &Region, hint: &HoleHint) -> bool {
