@@ -6,6 +6,7 @@ use prior::{LogitField, Prior, PriorError, PriorInput, PriorView};
 use progress::Observer;
 
 use super::crease::Slice;
+use super::fusion;
 use super::outline::Outline;
 use super::solid_views::{SolidSheet, SolidView};
 use crate::surface::field::{Field, Lattice, Plane};
@@ -121,41 +122,54 @@ pub(super) fn blend(
 }
 
 /// The sections of a slice as signed distances.
-pub(super) fn hull_plane(lattice: &Lattice, slice: &Slice) -> Plane {
+fn hull_plane(lattice: &Lattice, slice: &Slice) -> Plane {
     let sections = slice.sections.iter();
     let polygons: Vec<_> = sections.map(|section| section.corners.clone()).collect();
     Plane::of_polygons(lattice, &polygons)
 }
 
+/// How often the field is averaged: what the outlines bring back makes steps
+/// from slice to slice.
+const ROUNDS: usize = 2;
+
 /// Averages the field over neighbours within and across slices, but beside
 /// creases; silhouettes keep something behind them.
 ///
 /// The planes of `field` take the windows of `hulls`.
-pub(super) fn smooth(field: &mut Field, hulls: &[Plane], directions: &[Outline]) {
+fn smooth(field: &mut Field, hulls: &[Plane], directions: &[Outline]) {
     use rayon::prelude::*;
     let lattice = field.lattice;
+    let restore = |planes: &mut [Plane]| {
+        planes.par_iter_mut().zip(hulls).for_each(|(plane, hull)| {
+            fusion::restore_silhouettes(plane, hull, &lattice, directions);
+        });
+    };
+    for _ in 0..ROUNDS {
+        restore(&mut field.planes);
+        field.planes = averaged(&field.planes, &lattice);
+    }
+    restore(&mut field.planes);
+}
+
+fn averaged(planes: &[Plane], lattice: &Lattice) -> Vec<Plane> {
+    use rayon::prelude::*;
     let limit = lattice.truncation_px() as f32;
-    let within: Vec<Plane> = field.planes.par_iter().map(super::fusion::smoothed).collect();
-    let last = within.len().saturating_sub(1);
-    let original = std::mem::take(&mut field.planes);
-    field.planes = original
-        .into_par_iter()
-        .enumerate()
-        .map(|(k, own)| {
-            let (below, above) = (&within[k.saturating_sub(1)], &within[(k + 1).min(last)]);
-            let mut out = within[k].clone();
-            for (index, value) in out.values.iter_mut().enumerate() {
-                let (i, j) = own.node(index);
-                let (low, high) = (below.at(i, j, -limit), above.at(i, j, -limit));
-                *value = 0.25 * low + 0.5 * *value + 0.25 * high;
-            }
-            for crease in &own.creases {
-                keep_near(&mut out, &own, &lattice, crease);
-            }
-            super::fusion::restore_silhouettes(&mut out, &hulls[k], &lattice, directions);
-            out
-        })
-        .collect();
+    let within: Vec<Plane> = planes.par_iter().map(fusion::smoothed).collect();
+    let last = planes.len().saturating_sub(1);
+    let of_slice = |(k, own): (usize, &Plane)| {
+        let (below, above) = (&within[k.saturating_sub(1)], &within[(k + 1).min(last)]);
+        let mut out = within[k].clone();
+        for (index, value) in out.values.iter_mut().enumerate() {
+            let (i, j) = own.node(index);
+            let (low, high) = (below.at(i, j, -limit), above.at(i, j, -limit));
+            *value = 0.25 * low + 0.5 * *value + 0.25 * high;
+        }
+        for crease in &own.creases {
+            keep_near(&mut out, own, lattice, crease);
+        }
+        out
+    };
+    planes.par_iter().enumerate().map(of_slice).collect()
 }
 
 /// Gives nodes around a crease their value before smoothing.
