@@ -67,7 +67,7 @@ fn agrees_with_the_network_it_was_exported_from() {
     ];
     for (point, logit) in expected {
         let found = field.sample(point);
-        assert!((found - logit).abs() < 0.02, "{point:?}: {found} for {logit}");
+        assert!((found - logit).abs() < 0.005, "{point:?}: {found} for {logit}");
     }
 }
 
