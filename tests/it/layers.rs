@@ -13,6 +13,7 @@ const PURE: &[&str] = &[
     "mesh",
     "options",
     "picture",
+    "prior",
     "progress",
     "sheet",
     "study",
@@ -31,6 +32,7 @@ const HEAVY: &[(&str, &[&str])] = &[
     ("tokio", &["jobs"]),
     ("sqlx", &["jobs"]),
     ("object_store", &["jobs"]),
+    ("tract-onnx", &["prior"]),
     ("axum", &[]),
     ("reqwest", &[]),
 ];

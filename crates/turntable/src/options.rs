@@ -150,6 +150,9 @@ pub struct SolidOptions {
     pub parts: bool,
     /// Whether depth maps carve the solid.
     pub fusion: bool,
+    /// Whether what a network learned from random shapes decides what the
+    /// drawings leave open; by itself unless that leaves outlines uncovered.
+    pub prior: Switch,
     /// Cells along the solid's longest side, at least a pixel each.
     #[schemars(range(min = 16, max = 512))]
     pub resolution: u32,
@@ -175,6 +178,7 @@ impl Default for SolidOptions {
             drop_ghosts: true,
             parts: true,
             fusion: true,
+            prior: Switch::default(),
             resolution: 192,
             target_faces: 10_000,
             tolerance_px: 0.25,

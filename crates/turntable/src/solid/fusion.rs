@@ -56,7 +56,7 @@ pub(super) fn corrections(
 }
 
 /// Averages over neighbours along X and Y with binomial weights.
-fn smoothed(plane: &Plane) -> Plane {
+pub(super) fn smoothed(plane: &Plane) -> Plane {
     let along = |plane: &Plane, step: [usize; 2]| {
         let mut out = plane.clone();
         for (index, value) in out.values.iter_mut().enumerate() {

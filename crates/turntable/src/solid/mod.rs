@@ -6,9 +6,11 @@ mod carving;
 mod crease;
 mod fusion;
 mod holes;
+mod learned;
 mod outline;
 mod parts;
 mod phantoms;
+mod redraw;
 mod rounding;
 mod section;
 mod solid_views;
@@ -36,7 +38,9 @@ pub use holes::{Hole, HoleHint};
 use mesh::shading::{CREASE_ANGLE_DEG, crease_edges};
 use mesh::{Mesh, components};
 use outline::Outline;
+use prior::PriorError;
 use progress::{Cancelled, Observer, Stage, Steps};
+pub use redraw::Explained;
 use solid_views::SolidSheet;
 pub use symmetry::MirrorPlane;
 
@@ -62,6 +66,9 @@ pub struct SolidReport {
     pub mirror_plane: Option<MirrorPlane>,
     /// Holes through the subject that were carved.
     pub holes: Vec<Hole>,
+    /// Regions that may be holes, but would leave lines or outlines of other
+    /// views without anything behind them.
+    pub hole_candidates: Vec<Hole>,
     /// Views, drawn or mirrored, whose depths carved the solid.
     pub carving_views: usize,
     /// Slices through the solid and the distance between them, px.
@@ -76,12 +83,26 @@ pub struct SolidReport {
     pub sharp_corners: usize,
     /// Corners of all slices.
     pub corners: usize,
+    /// What the learned prior had to say; `None` if it was not asked.
+    pub prior: Option<PriorReport>,
     /// Separate pieces of the surface, kept and dropped.
     pub pieces: components::Pieces,
     /// Triangles of the surface as it was found, and in the end.
     pub full_faces: usize,
     /// In the end, after decimation.
     pub faces: usize,
+}
+
+/// How the learned prior was used.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+pub struct PriorReport {
+    /// Whether the solid is the one that it shaped.
+    pub used: bool,
+    /// How well the solid without the prior explains the drawings; `None` if it
+    /// was not to choose.
+    pub without: Option<Explained>,
+    /// The same with the prior.
+    pub with: Option<Explained>,
 }
 
 /// The depths of one view.
@@ -110,9 +131,21 @@ pub enum SolidError {
     /// The visual hull is empty.
     #[error("the silhouettes contradict each other everywhere: nothing is inside all of them")]
     Empty,
+    /// The learned prior failed; its own message.
+    #[error("{0}")]
+    Prior(String),
     /// Somebody asked to stop.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
+}
+
+impl From<PriorError> for SolidError {
+    fn from(error: PriorError) -> Self {
+        match error {
+            PriorError::Cancelled(cancelled) => Self::Cancelled(cancelled),
+            other => Self::Prior(other.to_string()),
+        }
+    }
 }
 
 /// What a solid is built from.
@@ -130,6 +163,8 @@ pub struct SolidInput<'a> {
 
 /// Views, slices, creases, field, surface, decimation, support.
 const STEPS: usize = 7;
+/// How much less of the outlines the solid with the prior may cover, IoU.
+const MAX_LOST_SILHOUETTE: f64 = 0.03;
 /// Fewer triangles bound no shape worth having.
 const MIN_TARGET_FACES: usize = 100;
 
@@ -147,7 +182,7 @@ pub fn build(
     let steps = Steps::new(observer, Stage::Solid, STEPS);
     steps.done(0, "")?;
     let sheet = prepared_sheet(input, options, &mut report);
-    let full = full_mesh(&sheet, input, options, &steps, &mut report)?;
+    let full = full_mesh(&sheet, input, options, &steps, observer, &mut report)?;
     let (full, pieces) = components::without_floaters(&full, options.min_piece_percent / 100.0);
     report.pieces = pieces;
     if full.triangles.is_empty() {
@@ -178,7 +213,7 @@ fn prepared_sheet(
         silhouettes.map(|silhouette| (silhouette.mask(), silhouette.half_line_px())).unzip();
     let seen = symmetry::detect(&sheet.drawings(), false);
     if options.holes != Holes::Off || !input.hole_hints.is_empty() {
-        report.holes = holes::carve(
+        let found = holes::carve(
             &mut sheet,
             &masks,
             &half_line_px,
@@ -186,6 +221,7 @@ fn prepared_sheet(
             input.hole_hints,
             options.holes,
         );
+        (report.holes, report.hole_candidates) = (found.carved, found.candidates);
     }
     if options.symmetry != Switch::Off && options.kind == SolidKind::Creased {
         let forced = options.symmetry == Switch::On;
@@ -208,6 +244,7 @@ fn full_mesh(
     input: &SolidInput,
     options: &SolidOptions,
     steps: &Steps<'_>,
+    observer: &dyn Observer,
     report: &mut SolidReport,
 ) -> Result<Mesh, SolidError> {
     let directions = sheet.directions();
@@ -245,10 +282,39 @@ fn full_mesh(
         fuse(&mut field, &slices, &directions, &views);
     }
     steps.done(4, "field")?;
-    let occupancy = Occupancy::of_field(&field);
-    let quads = quad_mesh::quads_of_field(&field, &occupancy);
-    report.full_faces = quads.quads.len() * 2;
-    Ok(clusters::clustered(&quads, &occupancy, options.tolerance_px))
+    let without = || surface_of(&field, options);
+    let asks = options.prior != Switch::Off && options.kind == SolidKind::Creased;
+    let (mesh, full_faces) = if asks {
+        let has_depth = report.carving_views > 0;
+        let logits = learned::logits(sheet, input.views, observer)?;
+        let blended = learned::blend(&field, &slices, &directions, &logits, has_depth);
+        let with = surface_of(&blended, options);
+        if options.prior == Switch::On {
+            report.prior = Some(PriorReport { used: true, without: None, with: None });
+            with
+        } else {
+            let without = without();
+            let rig = Rig::of_views(input.views);
+            let explained = |mesh: &Mesh| redraw::explained(mesh, &rig, sheet, input.silhouettes);
+            let scores = (explained(&without.0), explained(&with.0));
+            let used = scores.1.silhouettes >= scores.0.silhouettes - MAX_LOST_SILHOUETTE;
+            report.prior =
+                Some(PriorReport { used, without: Some(scores.0), with: Some(scores.1) });
+            if used { with } else { without }
+        }
+    } else {
+        without()
+    };
+    report.full_faces = full_faces;
+    Ok(mesh)
+}
+
+/// The field's surface and how many triangles it had before flat ones were joined.
+fn surface_of(field: &Field, options: &SolidOptions) -> (Mesh, usize) {
+    let occupancy = Occupancy::of_field(field);
+    let quads = quad_mesh::quads_of_field(field, &occupancy);
+    let faces = quads.quads.len() * 2;
+    (clusters::clustered(&quads, &occupancy, options.tolerance_px), faces)
 }
 
 fn support_of(mesh: &Mesh, input: &SolidInput, sheet: &SolidSheet) -> Vec<Support> {

@@ -116,8 +116,13 @@ fn build_with(
     build(&input, options, &Silent)
 }
 
+/// What the drawings alone tell.
+fn geometric() -> SolidOptions {
+    SolidOptions { prior: Switch::Off, ..SolidOptions::default() }
+}
+
 fn built(parts: &[Part], degrees: &[f64]) -> Solid {
-    let solid = build_with(parts, degrees, &[], &SolidOptions::default()).unwrap();
+    let solid = build_with(parts, degrees, &[], &geometric()).unwrap();
     assert_eq!(check_manifold(&solid.mesh), Ok(()));
     assert_eq!(solid.support.len(), solid.mesh.positions.len());
     solid
@@ -246,7 +251,7 @@ fn window(depth: f64, painted: bool, degrees: f64) -> View {
 #[test]
 fn a_hole_that_two_views_see_through_is_carved() {
     let views = [0.0, 30.0, 90.0].map(|degrees| window(12.0, false, degrees));
-    let solid = built_from(views.to_vec(), &SolidOptions { boxy: true, ..Default::default() });
+    let solid = built_from(views.to_vec(), &SolidOptions { boxy: true, ..geometric() });
     assert!(!solid.report.holes.is_empty());
     let expected = (100.0 * 80.0 - 60.0 * 44.0) * 12.0;
     // Lines are drawn inside the edges: all bars are thinner.
@@ -256,7 +261,7 @@ fn a_hole_that_two_views_see_through_is_carved() {
 #[test]
 fn a_painted_window_is_no_hole() {
     let views = [0.0, 30.0, 90.0].map(|degrees| window(60.0, true, degrees));
-    let solid = built_from(views.to_vec(), &SolidOptions { boxy: true, ..Default::default() });
+    let solid = built_from(views.to_vec(), &SolidOptions { boxy: true, ..geometric() });
     assert_eq!(solid.report.holes, []);
     assert_near(solid.mesh.signed_volume(), 100.0 * 80.0 * 60.0, 0.05);
 }
@@ -269,7 +274,7 @@ fn an_arm_before_a_body_is_as_deep_as_its_lines() {
     ];
     let views = || vec![draw_lines(&scene, 0.0), draw_lines(&scene, 90.0)];
     let extent = |parts| {
-        let options = SolidOptions { parts, boxy: true, ..SolidOptions::default() };
+        let options = SolidOptions { parts, boxy: true, ..geometric() };
         let solid = built_from(views(), &options);
         let arm = solid.mesh.positions.iter().filter(|p| p.x > 25.0).map(|p| p.y);
         (solid.report.parts, arm.fold((f64::MAX, f64::MIN), |(l, h), y| (l.min(y), h.max(y))))
@@ -311,7 +316,7 @@ fn depth_map(part: &Part, degrees: f64, shift_px: f64) -> (f64, DepthMap) {
 fn a_depth_map_that_others_contradict_carves_little() {
     let block = box_at(0.0, 0.0, (50.0, 40.0), 0.0, (-40.0, 40.0));
     let views = [0.0, 20.0, 40.0, 60.0, 90.0];
-    let options = SolidOptions { boxy: true, ..SolidOptions::default() };
+    let options = SolidOptions { boxy: true, ..geometric() };
     let volume = |shifted: f64| {
         let shift = |degrees: f64| if degrees == 20.0 { shifted } else { 0.0 };
         let maps: Vec<_> = views.iter().map(|&a| depth_map(&block, a, shift(a))).collect();
@@ -342,7 +347,7 @@ fn depth_maps_carve_what_outlines_cannot_show() {
         }])
     });
     let map = (0.0, as_sure_as_lines(depth));
-    let options = SolidOptions { boxy: true, ..SolidOptions::default() };
+    let options = SolidOptions { boxy: true, ..geometric() };
     let views = [0.0, 90.0];
     let whole = build_with(&block, &views, &[], &options).unwrap().mesh.signed_volume();
     let carved = build_with(&block, &views, &[map], &options).unwrap();
@@ -355,7 +360,7 @@ fn depth_maps_carve_what_outlines_cannot_show() {
 fn voxels_agree_with_slices() {
     let cone = [Part::Frustum((10.0, 5.0), (40.0, 10.0), (-50.0, 60.0))];
     let of_kind = |kind| {
-        let options = SolidOptions { kind, ..SolidOptions::default() };
+        let options = SolidOptions { kind, ..geometric() };
         build_with(&cone, &[0.0, 30.0, 60.0, 90.0], &[], &options).unwrap()
     };
     let (hull, voxel) = (of_kind(SolidKind::Hull), of_kind(SolidKind::Voxel));
@@ -389,7 +394,7 @@ impl Observer for StopAfterCreases {
 #[test]
 fn says_why_there_is_no_solid() {
     let block = [box_at(0.0, 0.0, (50.0, 30.0), 0.0, (-40.0, 40.0))];
-    let options = SolidOptions::default();
+    let options = geometric();
     assert_eq!(
         build_with(
             &block,
@@ -426,4 +431,26 @@ fn corners_of_rounded_sections_touch_every_edge() {
         assert!((low - hull.0).abs() < 1e-9 || hull.0 > interval[0].0 + 1e-9);
         assert!((high - hull.1).abs() < 1e-9 || hull.1 < interval[0].1 - 1e-9);
     }
+}
+
+#[test]
+fn the_prior_stays_inside_the_hull_and_behind_the_outlines() {
+    let parts = [
+        Part::Frustum((0.0, 0.0), (30.0, 20.0), (-60.0, 20.0)),
+        Part::Frustum((0.0, 0.0), (18.0, 18.0), (20.0, 60.0)),
+    ];
+    let volume = |prior| {
+        let options = SolidOptions { prior, ..SolidOptions::default() };
+        let solid = build_with(&parts, &QUARTER_TURN, &[], &options).unwrap();
+        assert_eq!(check_manifold(&solid.mesh), Ok(()));
+        (solid.mesh.signed_volume(), solid.mesh.bounds().unwrap(), solid.report.prior)
+    };
+    let hull = SolidOptions { kind: SolidKind::Hull, ..geometric() };
+    let hull = build_with(&parts, &QUARTER_TURN, &[], &hull).unwrap().mesh;
+    let (found, (low, high), report) = volume(Switch::Auto);
+    assert!(found < hull.signed_volume() * 1.01);
+    let (hull_low, hull_high) = hull.bounds().unwrap();
+    assert!((low - hull_low).abs().max() < 4.0 && (high - hull_high).abs().max() < 4.0);
+    assert!(report.is_some_and(|report| report.with.is_some()));
+    assert!(volume(Switch::Off).2.is_none());
 }

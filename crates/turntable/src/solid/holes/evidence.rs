@@ -31,15 +31,25 @@ pub(super) struct Evidence<'a> {
     pub plane: Option<&'a MirrorPlane>,
 }
 
+/// What would have nothing behind it.
+pub(super) struct Uncovered {
+    /// The share of the other silhouettes.
+    pub share: f64,
+    /// The share of rows that lose what a line is drawn on.
+    pub inked_share: f64,
+}
+
 impl Evidence<'_> {
-    /// Whether another view shows that `region` is a hole; `otherwise` if none could.
+    /// Whether `required` other views show that `region` is a hole; `otherwise`
+    /// if none could.
     ///
-    /// The opposite view must show the mirrored region. Without one, a view
-    /// from the side may show a region where one would see through the hole.
-    pub(super) fn confirms(&self, region: &Region, otherwise: bool) -> bool {
+    /// The opposite view must show the mirrored region. Without one, views from
+    /// the side may show a region where one would see through the hole.
+    pub(super) fn confirms(&self, region: &Region, required: usize, otherwise: bool) -> bool {
         match self.opposite_region(region) {
-            Some(matches) => matches,
-            None => otherwise || self.is_seen_through(region),
+            Some(false) => false,
+            Some(true) => required <= 1 || self.is_seen_through(region, required - 1),
+            None => otherwise || self.is_seen_through(region, required),
         }
     }
 
@@ -57,16 +67,26 @@ impl Evidence<'_> {
         Some(others.any(|other| mirrored_iou(region, other, width) > MIN_OPPOSITE_IOU))
     }
 
-    fn is_seen_through(&self, region: &Region) -> bool {
+    /// Whether one sees through the hole in `required` views from the side.
+    fn is_seen_through(&self, region: &Region, required: usize) -> bool {
         let own = &self.sheet.views[region.view].outline;
-        let mut candidates = self.regions.iter().filter(|other| {
+        let candidates = self.regions.iter().filter(|other| {
             let outline = &self.sheet.views[other.view].outline;
             !outline.is_parallel_to(own) && share_rows(region, other)
         });
-        candidates.any(|other| {
-            self.through_iou(region, other) > MIN_THROUGH_IOU
-                || self.through_iou(other, region) > MIN_THROUGH_IOU
-        })
+        let mut views = BTreeSet::new();
+        for other in candidates {
+            if !views.contains(&other.view)
+                && (self.through_iou(region, other) > MIN_THROUGH_IOU
+                    || self.through_iou(other, region) > MIN_THROUGH_IOU)
+            {
+                views.insert(other.view);
+            }
+            if views.len() >= required {
+                return true;
+            }
+        }
+        false
     }
 
     /// How alike `seen` is to where its view would see through the subject if
@@ -92,12 +112,13 @@ impl Evidence<'_> {
         iou(0).max(iou(1))
     }
 
-    /// The share of what the other views show in the region's rows that nothing
-    /// would stand behind once the region is carved.
-    pub(super) fn uncovered_share(&self, region: &Region) -> f64 {
+    /// What the other views show in the region's rows that nothing would stand
+    /// behind once the region is carved.
+    pub(super) fn uncovered(&self, region: &Region) -> Uncovered {
         let bounds = self.bounds(region.view);
         let rows = self.tested_rows(&[region]);
         let (mut lost, mut total) = (0.0, 0.0);
+        let (mut inked, mut compared) = (0, 0);
         for y in rows {
             let (before, after) = self.sections(&bounds, region, y);
             for &view in &bounds[1..] {
@@ -108,11 +129,50 @@ impl Evidence<'_> {
                     .flat_map(|other| columns_of(other, y, LINE_MARGIN_PX, self.sheet.axis_px))
                     .collect();
                 let covered = difference(&cover(&before, &axis, false), &union(open));
+                let bare = difference(&covered, &cover(&after, &axis, false));
                 total += length(&covered);
-                lost += length(&difference(&covered, &cover(&after, &axis, false)));
+                lost += length(&bare);
+                compared += 1;
+                inked += usize::from(bare.iter().any(|&range| self.has_ink(view, y, range)));
             }
         }
-        if total > 0.0 { lost / total } else { 1.0 }
+        if total > 0.0 {
+            Uncovered { share: lost / total, inked_share: inked as f64 / f64::from(compared) }
+        } else {
+            Uncovered { share: 1.0, inked_share: 1.0 }
+        }
+    }
+
+    /// How long the passage through the other views' hull is, over the smaller
+    /// of its width and height.
+    pub(super) fn length_over_width(&self, region: &Region) -> f64 {
+        let bounds = self.bounds(region.view);
+        let outlines: Vec<&Outline> =
+            bounds.iter().map(|&view| &self.sheet.views[view].outline).collect();
+        let toward = outlines[0].toward_camera();
+        let (mut lengths, mut count) = (0.0, 0);
+        for y in self.tested_rows(&[region]) {
+            let open = union(columns_of(region, y, 0.0, self.sheet.axis_px));
+            let mut rows: Vec<&[(f64, f64)]> =
+                outlines.iter().map(|outline| outline.row(y)).collect();
+            rows[0] = &open;
+            let passage = sections_of_row(&outlines, &rows, self.sheet.width as f64);
+            lengths += length(&covered(&passage, &toward));
+            count += 1;
+        }
+        let columns = region.runs.iter().map(|run| (run.1, run.2));
+        let (left, right) = columns.fold((usize::MAX, 0), |(l, r), (a, b)| (l.min(a), r.max(b)));
+        let height = region.runs[region.runs.len() - 1].0 + 1 - region.runs[0].0;
+        let width = right.saturating_sub(left).min(height).max(1);
+        lengths / f64::from(count.max(1)) / width as f64
+    }
+
+    /// Whether a line crosses row `y` well within a range of columns.
+    fn has_ink(&self, view: usize, y: usize, (low, high): (f64, f64)) -> bool {
+        let column = |px: f64| (px + self.sheet.axis_px).max(0.0) as usize;
+        let (from, to) = (column(low + LINE_MARGIN_PX), column(high - LINE_MARGIN_PX));
+        let row = &self.sheet.ink[self.sheet.views[view].drawing][y * self.sheet.width..];
+        from < to && row[from..to.min(self.sheet.width).max(from)].contains(&true)
     }
 
     /// As many rows of large drawings as of small ones: each costs a section

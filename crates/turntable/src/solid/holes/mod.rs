@@ -49,6 +49,22 @@ const MAX_RING_BESIDE_HOLE: f64 = 2.0;
 const MIN_SHARED_ROWS: f64 = 0.8;
 /// The share of the other silhouettes that a hole may leave without anything behind it.
 const MAX_UNCOVERED: f64 = 0.08;
+/// The share of rows in which a hole may leave a line of another view without
+/// anything that it is drawn on.
+const MAX_INKED: f64 = 0.05;
+/// A passage longer than this many times its width is more likely a panel that
+/// is drawn on both sides.
+const MAX_LENGTH: f64 = 1.0;
+/// Of more views than this, more than one must confirm a hole: regions that
+/// happen to look like one are many among them.
+const MANY_VIEWS: usize = 8;
+
+/// Holes that were carved, and regions that others spoke for and against.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Found {
+    pub carved: Vec<Hole>,
+    pub candidates: Vec<Hole>,
+}
 
 /// Finds the holes and cuts them out of the outlines of `sheet`.
 ///
@@ -63,7 +79,7 @@ pub(super) fn carve(
     plane: Option<&MirrorPlane>,
     hints: &[HoleHint],
     mode: Holes,
-) -> Vec<Hole> {
+) -> Found {
     use rayon::prelude::*;
     let per_view: Vec<Vec<Region>> = (0..sheet.views.len())
         .into_par_iter()
@@ -71,8 +87,11 @@ pub(super) fn carve(
         .collect();
     let mut regions: Vec<Region> = per_view.into_iter().flatten().collect();
     regions.sort_by(|a, b| a.ring.total_cmp(&b.ring));
-    let accepted = accept(sheet, &regions, plane, hints, mode);
-    let mut holes = Vec::new();
+    let (accepted, candidates) = accept(sheet, &regions, plane, hints, mode);
+    let mut found = Found::default();
+    for region in candidates {
+        found.candidates.push(hole_of(sheet, region, false));
+    }
     for (region, hinted) in accepted {
         cut(
             &mut sheet.views[region.view].outline,
@@ -80,19 +99,26 @@ pub(super) fn carve(
             half_line_px[region.view],
             sheet.axis_px,
         );
-        let (y, from, to) = region.runs[region.runs.len() / 2];
-        holes.push(Hole {
-            azimuth_deg: sheet.azimuths[region.view].degrees(),
-            x_px: (from + to) as f64 / 2.0,
-            y_px: y as f64 + 0.5,
-            area_px: region.area,
-            ring: region.ring,
-            hinted,
-        });
+        found.carved.push(hole_of(sheet, region, hinted));
     }
-    share_with_opposites(sheet, &holes);
-    holes
+    share_with_opposites(sheet, &found.carved);
+    found
 }
+
+fn hole_of(sheet: &SolidSheet, region: &Region, hinted: bool) -> Hole {
+    let (y, from, to) = region.runs[region.runs.len() / 2];
+    Hole {
+        azimuth_deg: sheet.azimuths[region.view].degrees(),
+        x_px: (from + to) as f64 / 2.0,
+        y_px: y as f64 + 0.5,
+        area_px: region.area,
+        ring: region.ring,
+        hinted,
+    }
+}
+
+/// Regions to cut, each with whether a hint named it, and those to list.
+type Accepted<'a> = (Vec<(&'a Region, bool)>, Vec<&'a Region>);
 
 /// Takes the regions that nothing speaks against, thinnest rings first.
 fn accept<'a>(
@@ -101,25 +127,37 @@ fn accept<'a>(
     plane: Option<&MirrorPlane>,
     hints: &[HoleHint],
     mode: Holes,
-) -> Vec<(&'a Region, bool)> {
+) -> Accepted<'a> {
     let evidence = Evidence { sheet, regions, plane };
-    let mut accepted: Vec<(&Region, bool)> = Vec::new();
+    let required = if sheet.azimuths.len() > MANY_VIEWS { 2 } else { 1 };
+    let (mut accepted, mut candidates) = (Vec::new(), Vec::new());
     let mut rows_with_hole = vec![false; sheet.height];
     for region in regions {
         let hinted = hints.iter().any(|hint| is_hinted(sheet, region, hint));
         let shared = region.runs.iter().filter(|run| rows_with_hole[run.0]).count() as f64;
         let beside_hole = shared > MIN_SHARED_ROWS * region.runs.len() as f64;
         let max_ring = if beside_hole { MAX_RING_BESIDE_HOLE } else { MAX_RING };
-        let found = mode != Holes::Off
+        let possible = mode != Holes::Off
             && region.ring <= max_ring
-            && evidence.confirms(region, mode == Holes::Eager)
-            && evidence.uncovered_share(region) < MAX_UNCOVERED;
-        if hinted || found {
+            && evidence.confirms(region, required, mode == Holes::Eager);
+        let is_open = || {
+            (mode == Holes::Eager || evidence.length_over_width(region) <= MAX_LENGTH)
+                && nothing_falls(&evidence, region)
+        };
+        if hinted || (possible && is_open()) {
             accepted.push((region, hinted));
             region.runs.iter().for_each(|run| rows_with_hole[run.0] = true);
+        } else if possible {
+            candidates.push(region);
         }
     }
-    accepted
+    (accepted, candidates)
+}
+
+/// Whether the other views keep something behind outlines and lines.
+fn nothing_falls(evidence: &Evidence<'_>, region: &Region) -> bool {
+    let uncovered = evidence.uncovered(region);
+    uncovered.share < MAX_UNCOVERED && uncovered.inked_share <= MAX_INKED
 }
 
 fn is_hinted(sheet: &SolidSheet, region: &Region, hint: &HoleHint) -> bool {

@@ -1,0 +1,218 @@
+//! Drafts of many models against the models: intersection over union by kind.
+//!
+//!     corpus_iou INDEX FOLDER [--sets T5,FQS] [--prior off,on,auto] [--size 480x270]
+//!                [--every N] [--limit N] [--names a,b] [--hull] [--cells 128] [--holes auto]
+//!                [--pictures FOLDER]
+//!
+//! INDEX is a Markdown table whose first two columns are name and kind; FOLDER
+//! holds NAME.glb. Outlines are closed: each view comes with its true mask.
+
+use std::collections::BTreeMap;
+use std::error::Error;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use drawing::{DrawOptions, Drawer, PreparedModel};
+use evaluation::{ComparisonOptions, SolidTruth};
+use frames::Azimuth;
+use mesh::read::{Limits, Model, ModelFormat, load};
+use progress::Silent;
+use sheet::{Sheet, View};
+use turntable::options::{Holes, SolidKind, Switch, TurntableOptions};
+
+type Fallible<T> = Result<T, Box<dyn Error>>;
+
+/// Pixels across of the drawing's frame that the model may use.
+const FITTED_SHARE: f64 = 0.9;
+/// Models whose inside is open tell little.
+const CLOSED: f64 = 0.6;
+
+struct Arguments {
+    positional: Vec<String>,
+    named: BTreeMap<String, String>,
+}
+
+impl Arguments {
+    fn parse() -> Self {
+        let (mut positional, mut named) = (Vec::new(), BTreeMap::new());
+        let mut words = std::env::args().skip(1).peekable();
+        while let Some(word) = words.next() {
+            match word.strip_prefix("--") {
+                Some(name) => {
+                    let value = words.next_if(|next| !next.starts_with("--"));
+                    named.insert(name.to_owned(), value.unwrap_or_default());
+                }
+                None => positional.push(word),
+            }
+        }
+        Self { positional, named }
+    }
+
+    fn get<'a>(&'a self, name: &str, default: &'a str) -> &'a str {
+        self.named.get(name).map_or(default, String::as_str)
+    }
+}
+
+struct Entry {
+    name: String,
+    figure: bool,
+    solid: f64,
+}
+
+fn entries(index: &str, folder: &Path) -> Vec<Entry> {
+    let rows = index.lines().filter_map(|line| {
+        let cells: Vec<&str> = line.split('|').map(str::trim).collect();
+        let (name, kind) = (*cells.get(1)?, *cells.get(2)?);
+        // Dev rows have a family before the source and a leak after the share.
+        let solid = cells.get(if cells.len() > 9 { 7 } else { 6 })?.parse().unwrap_or(0.0);
+        let figure =
+            ["humanoid", "animal", "quadruped", "bird"].iter().any(|k| kind.starts_with(k));
+        folder.join(format!("{name}.glb")).exists().then(|| Entry {
+            name: name.to_owned(),
+            figure,
+            solid,
+        })
+    });
+    rows.collect()
+}
+
+fn azimuths(set: &str) -> Vec<f64> {
+    match set {
+        "FS" => vec![0.0, 90.0],
+        "FSB" => vec![0.0, 90.0, 180.0],
+        "FQS" => vec![0.0, 45.0, 90.0],
+        "FQSB" => vec![0.0, 45.0, 90.0, 180.0],
+        "T5" => vec![0.0, 45.0, 90.0, 135.0, 180.0],
+        "8-turn" => (0..8).map(|i| f64::from(i) * 45.0).collect(),
+        dense => {
+            let step: f64 = dense.rsplit(':').next().and_then(|s| s.parse().ok()).unwrap_or(15.0);
+            (0..=(90.0 / step) as u32).map(|i| f64::from(i) * step).collect()
+        }
+    }
+}
+
+/// The model about the origin, as large as every view can show.
+fn placed(mut model: Model, options: &DrawOptions) -> Fallible<Model> {
+    let (low, high) = model.mesh.bounds().ok_or("no vertices")?;
+    let centre = nalgebra::center(&low, &high).coords;
+    let positions = &mut model.mesh.positions;
+    positions.iter_mut().for_each(|p| p.coords -= centre);
+    let reach = positions.iter().map(|p| p.coords.xy().norm()).fold(0.0, f64::max);
+    let rise = positions.iter().map(|p| p.z.abs()).fold(0.0, f64::max);
+    let height = f64::from(options.height_px) / options.pixels_per_unit();
+    let scale = FITTED_SHARE * (options.scale / (2.0 * reach)).min(height / (2.0 * rise));
+    positions.iter_mut().for_each(|p| p.coords *= scale);
+    Ok(model)
+}
+
+fn sheet_of(drawer: &Drawer<'_>, degrees: &[f64]) -> Fallible<Sheet> {
+    use rayon::prelude::*;
+    let view = |&degrees: &f64| -> Result<View, String> {
+        let azimuth = Azimuth::from_degrees(degrees).map_err(|e| e.to_string())?;
+        let drawn = drawer.draw_view(azimuth).map_err(|e| e.to_string())?;
+        Ok(View::level(azimuth, drawn.image.to_luma8(), Some(drawn.truth.mask)))
+    };
+    let views: Vec<View> = degrees.par_iter().map(view).collect::<Result<_, _>>()?;
+    Ok(Sheet::new(views)?)
+}
+
+fn variants(arguments: &Arguments) -> Vec<(String, TurntableOptions)> {
+    let mut base = TurntableOptions::default();
+    base.solid.holes = match arguments.get("holes", "auto") {
+        "off" => Holes::Off,
+        "eager" => Holes::Eager,
+        _ => Holes::Auto,
+    };
+    let mut variants = Vec::new();
+    if arguments.named.contains_key("hull") {
+        let mut options = base.clone();
+        options.solid.kind = SolidKind::Hull;
+        options.solid.holes = Holes::Off;
+        options.solid.prior = Switch::Off;
+        variants.push(("hull".to_owned(), options));
+    }
+    for prior in arguments.get("prior", "off,on,auto").split(',') {
+        let mut options = base.clone();
+        options.solid.prior = match prior {
+            "off" => Switch::Off,
+            "on" => Switch::On,
+            _ => Switch::Auto,
+        };
+        variants.push((prior.to_owned(), options));
+    }
+    variants
+}
+
+type Sums = BTreeMap<(String, &'static str), Vec<(String, f64)>>;
+
+fn measure(entry: &Entry, folder: &Path, arguments: &Arguments, sums: &mut Sums) -> Fallible<()> {
+    let size: Vec<u32> =
+        arguments.get("size", "480x270").split('x').filter_map(|side| side.parse().ok()).collect();
+    let draw = DrawOptions { width_px: size[0], height_px: size[1], ..DrawOptions::default() };
+    let bytes = std::fs::read(folder.join(format!("{}.glb", entry.name)))?;
+    let model = placed(load(&bytes, ModelFormat::Glb, None, &Limits::default())?, &draw)?;
+    let prepared = PreparedModel::new(&model)?;
+    let drawer = Drawer::new(&prepared, &draw)?;
+    let mut truth = model.mesh.clone();
+    truth.positions.iter_mut().for_each(|p| p.coords *= draw.pixels_per_unit());
+    let cells = arguments.get("cells", "128").parse()?;
+    let comparison = ComparisonOptions { grid_cells: cells, samples: 2000, ..Default::default() };
+    let truth = SolidTruth::new(&truth, comparison)?;
+    for set in arguments.get("sets", "T5").split(',') {
+        let sheet = sheet_of(&drawer, &azimuths(set))?;
+        let mut line =
+            format!("{:28} {} {set:7}", entry.name, if entry.figure { 'f' } else { 'o' });
+        for (name, options) in variants(arguments) {
+            let start = Instant::now();
+            let draft = turntable::reconstruct(&sheet, &[], &options, &Silent)?;
+            let seconds = start.elapsed().as_secs_f64();
+            let iou = truth.evaluate(&draft.solid.mesh)?.iou;
+            line += &format!("  {name} {iou:.3} ({seconds:.1} s)");
+            if let Some(report) = &draft.solid.report.prior {
+                line += &format!(" {report:?}");
+            }
+            if let Some(folder) = arguments.named.get("pictures") {
+                let path = PathBuf::from(folder).join(format!("{}_{set}_{name}.png", entry.name));
+                std::fs::write(path, mesh::thumbnail(&draft.solid.mesh)?)?;
+            }
+            let kind = if entry.figure { "figures" } else { "others" };
+            for group in [kind, "all"] {
+                let of = sums.entry((format!("{set} {name}"), group)).or_default();
+                of.push((entry.name.clone(), iou));
+            }
+            if entry.solid >= CLOSED {
+                let of = sums.entry((format!("{set} {name}"), "closed")).or_default();
+                of.push((entry.name.clone(), iou));
+            }
+        }
+        println!("{line}");
+    }
+    Ok(())
+}
+
+fn main() -> Fallible<()> {
+    let arguments = Arguments::parse();
+    let [index, folder] = &arguments.positional[..] else {
+        return Err("give INDEX and FOLDER".into());
+    };
+    let folder = Path::new(folder);
+    let all = entries(&std::fs::read_to_string(index)?, folder);
+    let every: usize = arguments.get("every", "1").parse()?;
+    let limit: usize = arguments.get("limit", "100000").parse()?;
+    let names: Vec<&str> =
+        arguments.get("names", "").split(',').filter(|n| !n.is_empty()).collect();
+    let chosen = all.iter().filter(|entry| names.is_empty() || names.contains(&&*entry.name));
+    let closed = arguments.named.contains_key("closed");
+    let chosen = chosen.filter(|entry| !closed || entry.solid >= CLOSED);
+    let mut sums = Sums::new();
+    for entry in chosen.step_by(every).take(limit) {
+        if let Err(error) = measure(entry, folder, &arguments, &mut sums) {
+            println!("{:28} {error}", entry.name);
+        }
+    }
+    for ((variant, group), ious) in &sums {
+        let mean = ious.iter().map(|(_, iou)| iou).sum::<f64>() / ious.len() as f64;
+        println!("MEAN {variant:14} {group:8} {:4} {mean:.3}", ious.len());
+    }
+    Ok(())
+}

@@ -1,0 +1,191 @@
+//! The learned prior and the solid's distances as one field.
+
+use std::sync::OnceLock;
+
+use prior::{LogitField, Prior, PriorError, PriorInput, PriorView};
+use progress::Observer;
+
+use super::crease::Slice;
+use super::fusion;
+use super::outline::Outline;
+use super::solid_views::{SolidSheet, SolidView};
+use crate::surface::field::{Field, Lattice, Plane};
+use crate::views::ViewSet;
+
+/// What the prior says of the subject on `sheet`, mirrored views among the drawn.
+pub(super) fn logits(
+    sheet: &SolidSheet,
+    views: &ViewSet,
+    observer: &dyn Observer,
+) -> Result<LogitField, PriorError> {
+    static PRIOR: OnceLock<Option<Prior>> = OnceLock::new();
+    let loaded = PRIOR.get_or_init(|| Prior::load().ok()).as_ref();
+    let prior = loaded.ok_or_else(|| PriorError::Network("the weights".to_owned()))?;
+    let masks: Vec<Vec<f32>> =
+        sheet.views.iter().map(|view| coverage(sheet, &view.outline)).collect();
+    let ink: Vec<Vec<f32>> = sheet.views.iter().map(|view| darkness(sheet, views, view)).collect();
+    let of_view = |((view, mask), ink): ((&SolidView, _), _)| -> PriorView<'_> {
+        let (mask, ink): (&Vec<f32>, &Vec<f32>) = (mask, ink);
+        PriorView { azimuth_rad: view.outline.azimuth_rad, mask, ink }
+    };
+    let input = PriorInput {
+        views: sheet.views.iter().zip(&masks).zip(&ink).map(of_view).collect(),
+        size: (sheet.width, sheet.height),
+        axis_px: sheet.axis_px,
+        origin_row_px: sheet.origin_row_px,
+    };
+    prior.occupancy(&input, observer)
+}
+
+/// How far each pixel lies within the outline's intervals.
+fn coverage(sheet: &SolidSheet, outline: &Outline) -> Vec<f32> {
+    let mut mask = vec![0.0; sheet.width * sheet.height];
+    for (y, row) in mask.chunks_exact_mut(sheet.width).enumerate() {
+        for &(low, high) in outline.row(y) {
+            let (low, high) = (low + sheet.axis_px, high + sheet.axis_px);
+            let first = low.floor().max(0.0) as usize;
+            let end = (high.ceil().max(0.0) as usize).min(sheet.width);
+            for (x, value) in row.iter_mut().enumerate().take(end).skip(first) {
+                let shared = high.min((x + 1) as f64) - low.max(x as f64);
+                *value += shared.max(0.0) as f32;
+            }
+        }
+    }
+    mask
+}
+
+/// How dark the drawing is at each pixel, mirrored as the view is.
+fn darkness(sheet: &SolidSheet, views: &ViewSet, view: &SolidView) -> Vec<f32> {
+    let image = views.views()[view.drawing].image.as_raw();
+    let dark: Vec<f32> = image.iter().map(|&level| 1.0 - f32::from(level) / 255.0).collect();
+    let Some(sum_px) = view.mirror_sum_px else { return dark };
+    let mut mirrored = vec![0.0; dark.len()];
+    // The column whose centre shows what column 0 does, and so on leftward.
+    let first = sum_px + 2.0 * sheet.axis_px - 1.0;
+    for (out, row) in mirrored.chunks_exact_mut(sheet.width).zip(dark.chunks_exact(sheet.width)) {
+        let at = |x: f64| if x >= 0.0 { row.get(x as usize).copied().unwrap_or(0.0) } else { 0.0 };
+        for (x, value) in out.iter_mut().enumerate() {
+            let source = first - x as f64;
+            let share = (source - source.floor()) as f32;
+            *value = at(source.floor()) * (1.0 - share) + at(source.floor() + 1.0) * share;
+        }
+    }
+    mirrored
+}
+
+/// How much more the prior must say against the solid than for it, logits.
+const MARGIN: f32 = 2.0;
+/// How much more that is where depth maps had their say.
+const DEPTH_GAIN: f32 = 2.0;
+/// The distance from the solid's surface from which on the margin is whole,
+/// nodes of the lattice.
+const RAMP: f32 = 3.0;
+/// How much a logit counts as distance, nodes of the lattice.
+const PITCHES_PER_LOGIT: f32 = 0.7;
+
+/// The solid and the prior as one field.
+///
+/// Signed distances of `field` become logits of at most [`MARGIN`] and are added
+/// to the prior's, of more where depth maps had their say (`has_depth`); nothing
+/// lies beyond the sections of `slices`.
+pub(super) fn blend(
+    field: &Field,
+    slices: &[Slice],
+    directions: &[Outline],
+    logits: &LogitField,
+    has_depth: bool,
+) -> Field {
+    use rayon::prelude::*;
+    let lattice = field.lattice;
+    let limit = lattice.truncation_px() as f32;
+    let pitch = lattice.pitch_px as f32;
+    let margin = if has_depth { MARGIN * DEPTH_GAIN } else { MARGIN };
+    let hulls: Vec<Plane> = slices.par_iter().map(|slice| hull_plane(&lattice, slice)).collect();
+    let blended = |(k, (plane, hull)): (usize, (&Plane, &Plane))| {
+        let mut out = Plane { creases: plane.creases.clone(), ..hull.clone() };
+        let z = lattice.z(k);
+        for (index, value) in out.values.iter_mut().enumerate() {
+            if *value > 0.0 {
+                let (i, j) = hull.node(index);
+                let own = plane.at(i, j, -limit);
+                let logit = logits.sample([lattice.x(i), lattice.y(j), z]);
+                let sum = logit + margin * (own / (RAMP * pitch)).clamp(-1.0, 1.0);
+                *value = (sum * PITCHES_PER_LOGIT * pitch).min(*value).clamp(-limit, limit);
+            }
+        }
+        out
+    };
+    let planes: Vec<Plane> = field.planes.par_iter().zip(&hulls).enumerate().map(blended).collect();
+    let mut field = Field { lattice, planes };
+    smooth(&mut field, &hulls, directions);
+    field
+}
+
+/// The sections of a slice as signed distances.
+fn hull_plane(lattice: &Lattice, slice: &Slice) -> Plane {
+    let sections = slice.sections.iter();
+    let polygons: Vec<_> = sections.map(|section| section.corners.clone()).collect();
+    Plane::of_polygons(lattice, &polygons)
+}
+
+/// How often the field is averaged: what the outlines bring back makes steps
+/// from slice to slice.
+const ROUNDS: usize = 2;
+
+/// Averages the field over neighbours within and across slices, but beside
+/// creases; silhouettes keep something behind them.
+///
+/// The planes of `field` take the windows of `hulls`.
+fn smooth(field: &mut Field, hulls: &[Plane], directions: &[Outline]) {
+    use rayon::prelude::*;
+    let lattice = field.lattice;
+    let restore = |planes: &mut [Plane]| {
+        planes.par_iter_mut().zip(hulls).for_each(|(plane, hull)| {
+            fusion::restore_silhouettes(plane, hull, &lattice, directions);
+        });
+    };
+    for _ in 0..ROUNDS {
+        restore(&mut field.planes);
+        field.planes = averaged(&field.planes, &lattice);
+    }
+    restore(&mut field.planes);
+}
+
+fn averaged(planes: &[Plane], lattice: &Lattice) -> Vec<Plane> {
+    use rayon::prelude::*;
+    let limit = lattice.truncation_px() as f32;
+    let within: Vec<Plane> = planes.par_iter().map(fusion::smoothed).collect();
+    let last = planes.len().saturating_sub(1);
+    let of_slice = |(k, own): (usize, &Plane)| {
+        let (below, above) = (&within[k.saturating_sub(1)], &within[(k + 1).min(last)]);
+        let mut out = within[k].clone();
+        for (index, value) in out.values.iter_mut().enumerate() {
+            let (i, j) = own.node(index);
+            let (low, high) = (below.at(i, j, -limit), above.at(i, j, -limit));
+            *value = 0.25 * low + 0.5 * *value + 0.25 * high;
+        }
+        for crease in &own.creases {
+            keep_near(&mut out, own, lattice, crease);
+        }
+        out
+    };
+    planes.par_iter().enumerate().map(of_slice).collect()
+}
+
+/// Gives nodes around a crease their value before smoothing.
+fn keep_near(out: &mut Plane, own: &Plane, lattice: &Lattice, crease: &nalgebra::Point2<f64>) {
+    const REACH: isize = 2;
+    let node = |value: f64, low: f64| ((value - low) / lattice.pitch_px).round() as isize;
+    let (i, j) = (node(crease.x, lattice.origin.x), node(crease.y, lattice.origin.y));
+    for j in j - REACH..=j + REACH {
+        for i in i - REACH..=i + REACH {
+            let (i, j) = (i - own.first[0] as isize, j - own.first[1] as isize);
+            let inside =
+                i >= 0 && j >= 0 && (i as usize) < own.size[0] && (j as usize) < own.size[1];
+            if inside {
+                let index = j as usize * own.size[0] + i as usize;
+                out.values[index] = own.values[index];
+            }
+        }
+    }
+}
