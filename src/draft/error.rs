@@ -86,6 +86,7 @@ impl From<turntable::DraftError> for DraftError {
             Found::Solid(error) => {
                 let code = match error {
                     SolidError::Cancelled(cancelled) => return Self::Cancelled(cancelled),
+                    SolidError::Prior(_) => return Self::internal(error),
                     SolidError::TooFewDirections { .. } => FailureCode::TooFewDirections,
                     SolidError::NoCommonRow => FailureCode::NoCommonRow,
                     SolidError::Empty => FailureCode::ContradictingViews,

@@ -17,6 +17,7 @@ const PURE: &[&str] = &[
     "progress",
     "sheet",
     "study",
+    "subject",
     "turntable",
     "uncalibrated",
 ];
