@@ -56,10 +56,16 @@ impl Network {
         let shapes: [&[usize]; 3] =
             [&[views, FEATURES, ny, nx, nz], &[views, 4, ny, nx, 1], &[1, EXTRAS, ny, nx, nz]];
         let plan = plan(&self.volume, &shapes)?;
-        let inputs = shapes.iter().zip([lifted.features, lifted.position, lifted.extra]);
-        let inputs =
-            inputs.map(|(shape, values)| tensor(shape, values)).collect::<Result<_, _>>()?;
-        run(&plan, inputs)
+        // tract holds thread-local scratch while rayon waits: in a pool of its own
+        // no other inference can be taken up meanwhile on the same thread.
+        let threads = rayon::current_num_threads();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(failed)?;
+        pool.install(|| {
+            let inputs = shapes.iter().zip([lifted.features, lifted.position, lifted.extra]);
+            let inputs =
+                inputs.map(|(shape, values)| tensor(shape, values)).collect::<Result<_, _>>()?;
+            run(&plan, inputs, Executor::RayonGlobal)
+        })
     }
 }
 
@@ -67,7 +73,8 @@ impl Encoder {
     /// Features by channel, row and column of voxels.
     pub(crate) fn features(&self, image: &Sampled) -> Result<Vec<f32>, PriorError> {
         let input = tensor(&[1, 2, image.rows, image.columns], image.values.clone())?;
-        run(&self.plan, tvec![input])
+        // Views run side by side: each on one thread.
+        run(&self.plan, tvec![input], Executor::SingleThread)
     }
 }
 
@@ -87,10 +94,9 @@ fn tensor(shape: &[usize], values: Vec<f32>) -> Result<TValue, PriorError> {
     Ok(Tensor::from(array).into_tvalue())
 }
 
-/// Runs `plan` on rayon's current pool.
-fn run(plan: &Plan, inputs: TVec<TValue>) -> Result<Vec<f32>, PriorError> {
-    let outputs =
-        multithread_tract_scope(Executor::RayonGlobal, || plan.run(inputs)).map_err(failed)?;
+/// Runs `plan` on as many threads as `executor` says.
+fn run(plan: &Plan, inputs: TVec<TValue>, executor: Executor) -> Result<Vec<f32>, PriorError> {
+    let outputs = multithread_tract_scope(executor, || plan.run(inputs)).map_err(failed)?;
     let view = outputs[0].to_plain_array_view::<f32>().map_err(failed)?;
     Ok(view.iter().copied().collect())
 }
