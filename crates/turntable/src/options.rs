@@ -178,7 +178,7 @@ impl Default for SolidOptions {
             drop_ghosts: true,
             parts: true,
             fusion: true,
-            prior: Switch::default(),
+            prior: Switch::Off,
             resolution: 192,
             target_faces: 10_000,
             tolerance_px: 0.25,
