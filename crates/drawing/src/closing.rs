@@ -2,6 +2,7 @@
 //! leave a way in.
 
 use image::GrayImage;
+use picture::{border, flooded};
 
 /// A pixel with more ink holds a flood back; 255 is all covered.
 const INK: u8 = 51;
@@ -36,28 +37,12 @@ pub(super) fn close_outline(ink: &mut GrayImage, mask: &GrayImage) {
 /// Whether paper that is connected to the picture's border lies in the mask.
 fn leaks(ink: &GrayImage, mask: &GrayImage) -> bool {
     let (width, height) = (ink.width() as usize, ink.height() as usize);
-    let (ink, mask) = (ink.as_raw(), mask.as_raw());
-    let mut reached = vec![false; width * height];
-    let border = (0..width).flat_map(|x| [x, (height - 1) * width + x]);
-    let sides = (0..height).flat_map(|y| [y * width, y * width + width - 1]);
+    let paper = ink.as_raw().iter().map(|&level| level <= INK).collect();
     // Where the model reaches the border, it is cut off, not open.
-    let mut pending: Vec<usize> = border.chain(sides).filter(|&at| mask[at] == 0).collect();
-    while let Some(at) = pending.pop() {
-        if reached[at] || ink[at] > INK {
-            continue;
-        }
-        if mask[at] != 0 {
-            return true;
-        }
-        reached[at] = true;
-        let (x, y) = (at % width, at / width);
-        let left = (x > 0).then(|| at - 1);
-        let right = (x + 1 < width).then_some(at + 1);
-        let above = (y > 0).then(|| at - width);
-        let below = (y + 1 < height).then_some(at + width);
-        pending.extend([left, right, above, below].into_iter().flatten());
-    }
-    false
+    let mut seeds = border(width, height);
+    seeds.retain(|&at| mask.as_raw()[at] == 0);
+    let reached = flooded(width, paper, seeds);
+    reached.iter().zip(mask.as_raw()).any(|(reached, mask)| *reached && *mask != 0)
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@
 
 mod decode;
 mod float_image;
+mod flood;
 mod kinds;
 mod maps;
 mod pfm;
@@ -14,6 +15,7 @@ mod png;
 
 pub use decode::{Drawing, ImageError, ImageLimits, decode, decode_color, flatten, inspect};
 pub use float_image::{FloatImage, ValueRange};
+pub use flood::{border, flooded};
 pub use maps::{DepthEncoding, depth_png, disparity_png, normals_png, silhouette_png};
 pub use pfm::{PfmError, decode_pfm, encode_pfm};
-pub use png::{EncodeError, dynamic_png, png, png16};
+pub use png::{EncodeError, dynamic_png, png};

@@ -3,7 +3,7 @@
 use image::{GrayImage, ImageBuffer, Luma, Rgb, RgbImage};
 use serde::Serialize;
 
-use super::png::{EncodeError, png, png16};
+use super::png::{EncodeError, dynamic_png, png};
 use crate::FloatImage;
 use crate::ValueRange;
 
@@ -59,7 +59,7 @@ pub fn depth_png(depth: &FloatImage) -> Result<(Vec<u8>, DepthEncoding), EncodeE
     let picture = ImageBuffer::from_fn(width, height, |x, y| {
         Luma([encoding.value(depth.get_pixel(x, y).0[0])])
     });
-    Ok((png16(&picture)?, encoding))
+    Ok((dynamic_png(&picture.into())?, encoding))
 }
 
 /// Unit normals as an 8-bit picture: red, green and blue are x, y and z from -1

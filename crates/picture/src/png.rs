@@ -31,12 +31,6 @@ where
     encode(picture.as_raw(), width, height, P::COLOR_TYPE)
 }
 
-/// Encodes a 16-bit grey picture.
-pub fn png16(picture: &ImageBuffer<image::Luma<u16>, Vec<u16>>) -> Result<Vec<u8>, EncodeError> {
-    let bytes: Vec<u8> = picture.iter().flat_map(|value| value.to_ne_bytes()).collect();
-    encode(&bytes, picture.width(), picture.height(), ExtendedColorType::L16)
-}
-
 /// Encodes a picture of any kind that PNG knows.
 ///
 /// # Errors

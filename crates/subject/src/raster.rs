@@ -2,6 +2,7 @@
 //! flooding, distance maps, connected components and polygons.
 
 use crate::report::{Box2, Point};
+use picture::{border, flooded};
 
 /// A rectangle of values, row by row.
 #[derive(Clone, Debug)]
@@ -136,43 +137,13 @@ impl Bits {
 
     /// The set pixels connected (by sides) to the image's border.
     pub(crate) fn reached_from_border(&self) -> Self {
-        let (w, h) = (self.width, self.height);
-        let mut seeds = Vec::new();
-        if w > 0 && h > 0 {
-            seeds.extend((0..w).chain((h - 1) * w..h * w));
-            seeds.extend((0..h).flat_map(|y| [y * w, y * w + w - 1]));
-        }
-        self.flooded(seeds)
+        self.flooded(border(self.width, self.height))
     }
 
     /// The set pixels connected (by sides) to `seeds`.
-    pub(crate) fn flooded(&self, mut pending: Vec<usize>) -> Self {
-        let w = self.width;
-        let mut open = self.data.clone();
-        let mut reached = vec![false; open.len()];
-        while let Some(index) = pending.pop() {
-            if !open[index] {
-                continue;
-            }
-            let row = index - index % w;
-            let before = open[row..index].iter().rev().take_while(|open| **open).count();
-            let after = open[index..row + w].iter().take_while(|open| **open).count();
-            let (from, to) = (index - before, index + after);
-            open[from..to].fill(false);
-            reached[from..to].fill(true);
-            let above = row.checked_sub(w).map(|_| from - w..to - w);
-            let below = (to + w <= reached.len()).then_some(from + w..to + w);
-            for beside in above.into_iter().chain(below) {
-                let mut in_run = false;
-                for (next, &starts) in beside.clone().zip(&open[beside]) {
-                    if starts && !in_run {
-                        pending.push(next);
-                    }
-                    in_run = starts;
-                }
-            }
-        }
-        Self { width: w, height: self.height, data: reached }
+    pub(crate) fn flooded(&self, seeds: Vec<usize>) -> Self {
+        let data = flooded(self.width, self.data.clone(), seeds);
+        Self { width: self.width, height: self.height, data }
     }
 
     /// Parts connected by sides and corners, in the order of their first pixel.

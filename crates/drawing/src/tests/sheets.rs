@@ -185,20 +185,8 @@ fn limits_are_checked_before_anything_is_drawn() {
 /// What a flood from the picture's border does not reach.
 fn enclosed(image: &image::GrayImage) -> Vec<bool> {
     let (width, height) = (image.width() as usize, image.height() as usize);
-    let paper = |at: usize| image.as_raw()[at] >= 204;
-    let mut outside = vec![false; width * height];
-    let mut pending: Vec<usize> = (0..width).flat_map(|x| [x, (height - 1) * width + x]).collect();
-    while let Some(at) = pending.pop() {
-        if outside[at] || !paper(at) {
-            continue;
-        }
-        outside[at] = true;
-        let (x, y) = (at % width, at / width);
-        let beside = [x.checked_sub(1), (x + 1 < width).then_some(x + 1)];
-        pending.extend(beside.into_iter().flatten().map(|x| y * width + x));
-        let along = [y.checked_sub(1), (y + 1 < height).then_some(y + 1)];
-        pending.extend(along.into_iter().flatten().map(|y| y * width + x));
-    }
+    let paper = image.as_raw().iter().map(|&level| level >= 204).collect();
+    let outside = picture::flooded(width, paper, picture::border(width, height));
     outside.iter().map(|outside| !outside).collect()
 }
 

@@ -1,6 +1,7 @@
 //! Fills an outline: what paper connected to the picture's border does not reach.
 
 use image::GrayImage;
+use picture::{border, flooded};
 
 use super::SilhouetteSource;
 use super::bridges::Bridge;
@@ -105,7 +106,7 @@ fn lower(row: &mut [u8], above: &[u8]) {
 fn inside_with_gaps_closed(ink: &InkMap, distance: &[u8], radius: u32) -> Vec<bool> {
     let (width, height) = (ink.width(), ink.height());
     let open = distance.iter().map(|&distance| u32::from(distance) > radius).collect();
-    let mut outside = flooded(width, height, open);
+    let mut outside = flooded(width, open, border(width, height));
     let is_held_off = |index: usize| (1..=radius).contains(&u32::from(distance[index]));
     let mut front: Vec<usize> = (0..outside.len())
         .filter(|&index| is_held_off(index) && !outside[index])
@@ -137,38 +138,6 @@ fn around(index: usize, width: usize, count: usize) -> impl Iterator<Item = usiz
     let rows = rows.into_iter().flatten();
     let all = rows.flat_map(move |row| columns.clone().map(move |column| row + column));
     all.filter(move |&near| near != index)
-}
-
-/// The `open` pixels that connect to the border through such pixels, run by run.
-fn flooded(width: usize, height: usize, mut open: Vec<bool>) -> Vec<bool> {
-    let mut reached = vec![false; width * height];
-    let ends = (0..height).flat_map(|y| [y * width, y * width + width - 1]);
-    let mut pending: Vec<usize> =
-        (0..width).chain((height - 1) * width..height * width).chain(ends).collect();
-    while let Some(index) = pending.pop() {
-        if !open[index] {
-            continue;
-        }
-        let row = index - index % width;
-        let before = open[row..index].iter().rev().take_while(|open| **open).count();
-        let after = open[index..row + width].iter().take_while(|open| **open).count();
-        let (from, to) = (index - before, index + after);
-        // What is reached need not be gone to again.
-        open[from..to].fill(false);
-        reached[from..to].fill(true);
-        let above = row.checked_sub(width).map(|_| from - width..to - width);
-        let below = (to + width <= reached.len()).then_some(from + width..to + width);
-        for beside in above.into_iter().chain(below) {
-            let mut in_run = false;
-            for (next, &starts) in beside.clone().zip(&open[beside]) {
-                if starts && !in_run {
-                    pending.push(next);
-                }
-                in_run = starts;
-            }
-        }
-    }
-    reached
 }
 
 /// Adds to `inside` the connected regions of `closed` outside it that hold a
