@@ -95,16 +95,17 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
+        let own = uncalibrated::Options::default();
         Self {
             method: Method::default(),
-            seed: 0,
-            max_pair_angle_deg: 30.0,
-            detection: DetectionOptions::default(),
-            matching: MatchingOptions::default(),
-            epipolar: EpipolarOptions::default(),
-            disparity: DisparityOptions::default(),
-            cloud: CloudOptions::default(),
-            merge: MergeOptions::default(),
+            seed: own.seed,
+            max_pair_angle_deg: own.max_pair_angle_deg,
+            detection: own.detection,
+            matching: own.matching,
+            epipolar: own.epipolar,
+            disparity: own.disparity,
+            cloud: own.cloud,
+            merge: own.merge,
             turntable: TurntableOptions::default(),
             clean: CleanOptions::default(),
             sheet: SheetOptions::default(),

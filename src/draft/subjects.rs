@@ -114,10 +114,10 @@ pub(super) fn prepare(
         let by_hand = is_by_hand(view.document) || view.mask.is_some();
         let as_drawn = !moves && !by_hand && is_clean(&subject) && is_opaque(&view.drawing);
         drawings.push(report(&view, &subject, as_drawn, by_hand));
-        let aligned = laid.next();
-        let cut_out = aligned.as_ref().map_or(&subject.colour, |aligned| &aligned.colour);
-        cut_outs.push((view.azimuth, cut_out.clone()));
-        sheet.push(view_of(view, subject, aligned, as_drawn));
+        let azimuth = view.azimuth;
+        let (view, cut_out) = view_of(view, subject, laid.next(), as_drawn);
+        cut_outs.push((azimuth, cut_out));
+        sheet.push(view);
     }
     let alignment = moves.then_some(alignment);
     Ok((sheet, Preparation { drawings, cut_outs, alignment, suggestions, warnings }))
@@ -279,28 +279,26 @@ fn report(
     }
 }
 
-/// What the method works from: the drawing as it is, or what was found in it.
+/// What the method works from, the drawing as it is or what was found in it,
+/// and the subject cut out.
 fn view_of(
     view: DecodedView<'_>,
     subject: Subject,
     aligned: Option<Aligned>,
     as_drawn: bool,
-) -> View {
+) -> (View, RgbaImage) {
     let (azimuth, elevation_deg) = (view.azimuth, view.elevation_deg);
-    let color = match &aligned {
-        Some(aligned) => color_of(&aligned.colour),
-        None => color_of(&view.drawing),
-    };
-    if as_drawn {
-        let gray = picture::flatten(&view.drawing).gray;
-        return View { elevation_deg, color, ..View::level(azimuth, gray, None) };
-    }
     let mask_was_found = !matches!(subject.kind, DrawingKind::Given | DrawingKind::CutOut);
-    let (image, mask): (GrayImage, GrayImage) = match aligned {
-        Some(aligned) => (aligned.ink, aligned.mask),
-        None => (subject.ink, subject.mask),
+    let (image, mask, color, cut_out): (GrayImage, GrayImage, _, _) = match aligned {
+        Some(Aligned { mask, ink, colour }) => (ink, mask, color_of(&colour), colour),
+        None => (subject.ink, subject.mask, color_of(&view.drawing), subject.colour),
     };
-    View { elevation_deg, color, mask_was_found, ..View::level(azimuth, image, Some(mask)) }
+    let level = if as_drawn {
+        View::level(azimuth, picture::flatten(&view.drawing).gray, None)
+    } else {
+        View { mask_was_found, ..View::level(azimuth, image, Some(mask)) }
+    };
+    (View { elevation_deg, color, ..level }, cut_out)
 }
 
 /// A drawing's colours on white paper; `None` if it is grey.

@@ -10,6 +10,7 @@ use picture::png;
 use progress::Observer;
 use rayon::ThreadPool;
 use turntable::export::{model_files, view_files};
+use turntable::fit::redraw;
 use turntable::{Draft, metrics};
 
 use super::exporter::Exporter;
@@ -29,7 +30,8 @@ pub(super) fn run(run: &Run<'_>, delivery: Delivery<'_>) -> Result<Summary, Draf
     let draft =
         pool.install(|| turntable::reconstruct(sheet, &document.holes, own, &reconstructing))?;
     timed.computed();
-    let mut found = pool.install(|| metrics::measure(&draft, own));
+    let redrawn = pool.install(|| redraw(&draft));
+    let mut found = metrics::measure(&draft, &redrawn, own);
     let said = preparation.map_or(&[][..], |done| &done.warnings);
     found.warnings.splice(0..0, said.iter().cloned());
     let exporting = timed.exporting();
@@ -41,7 +43,7 @@ pub(super) fn run(run: &Run<'_>, delivery: Delivery<'_>) -> Result<Summary, Draf
     let mut exporter = Exporter::new(units, pool, &exporting, delivery);
     let views: Vec<usize> = (0..draft.depths.len()).collect();
     exporter.each(&views, |&index| {
-        let mut files = view_files(&draft, index)?;
+        let mut files = view_files(&draft, &redrawn[index], index)?;
         files.artifacts.extend(cut_out(preparation, draft.depths[index].azimuth)?);
         Ok(files)
     })?;
@@ -111,13 +113,14 @@ fn compare_view(
         return Ok(ViewComparison::default());
     };
     // A sheet laid on a canvas of its own cannot be compared pixel by pixel.
-    if true_mask(truth).dimensions() != silhouette.mask().dimensions() {
+    let truly = true_mask(truth);
+    if truly.dimensions() != silhouette.mask().dimensions() {
         return Ok(ViewComparison::default());
     }
     let depth = evaluate_view(&disparity_from_depth(&view.map.depth_px), truth)
         .map_err(DraftError::internal)?;
     let silhouette =
-        compare_silhouettes(silhouette.mask(), &true_mask(truth)).map_err(DraftError::internal)?;
+        compare_silhouettes(silhouette.mask(), &truly).map_err(DraftError::internal)?;
     // The disparity served is the depth's: one figure tells of both.
     Ok(ViewComparison { disparity: None, depth: Some(depth), silhouette: Some(silhouette) })
 }

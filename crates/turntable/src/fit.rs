@@ -75,14 +75,23 @@ impl ViewFit {
     }
 }
 
-/// Draws the draft from each of its views and compares.
-pub fn fit(draft: &Draft<'_>) -> Vec<ViewFit> {
-    let rig = Rig::of_views(&draft.views);
-    let views: Vec<usize> = (0..draft.views.views().len()).collect();
-    views.par_iter().map(|&index| fit_of(draft, &rig, index)).collect()
+/// The draft as one of its views sees it.
+#[derive(Clone, Debug)]
+pub struct Redrawn {
+    /// How it matches the drawing.
+    pub fit: ViewFit,
+    /// 255 where the draft is, of the drawing's size.
+    mask: GrayImage,
 }
 
-fn fit_of(draft: &Draft<'_>, rig: &Rig, index: usize) -> ViewFit {
+/// Draws the draft from each of its views and compares, in their order.
+pub fn redraw(draft: &Draft<'_>) -> Vec<Redrawn> {
+    let rig = Rig::of_views(&draft.views);
+    let views: Vec<usize> = (0..draft.views.views().len()).collect();
+    views.par_iter().map(|&index| redrawn(draft, &rig, index)).collect()
+}
+
+fn redrawn(draft: &Draft<'_>, rig: &Rig, index: usize) -> Redrawn {
     let view = &draft.views.views()[index];
     let drawn = shown(&draft.silhouettes.silhouettes[index]);
     let buffer = DepthBuffer::of_view(&draft.solid.mesh, rig, index, 1.0);
@@ -93,14 +102,15 @@ fn fit_of(draft: &Draft<'_>, rig: &Rig, index: usize) -> ViewFit {
     let compared = compare_silhouettes(&ours, &drawn).ok();
     let distance_px = compared.as_ref().and_then(|found| found.mean_boundary_distance_px);
     let iou = compared.map_or(0.0, |found| found.iou);
-    ViewFit {
+    let fit = ViewFit {
         azimuth_deg: view.azimuth.degrees(),
         silhouette_iou: iou,
         outline_distance_px: distance_px,
         outline_distance_share: distance_px.map(|px| px / height_px),
         ink_explained: ink_explained(&view.image, &buffer, height_px),
         disagreement: if iou < MIN_IOU { disagreement(&ours, &drawn) } else { None },
-    }
+    };
+    Redrawn { fit, mask: ours }
 }
 
 /// The subject's area to the middle of the outline's stroke.
@@ -201,26 +211,23 @@ fn disagreement(ours: &GrayImage, drawn: &GrayImage) -> Option<Disagreement> {
     })
 }
 
-/// The drawing with the draft's outline over it, in colour.
-pub fn fit_picture(draft: &Draft<'_>, index: usize) -> RgbImage {
-    const OUTLINE: Rgb<u8> = Rgb([220, 40, 40]);
-    let rig = Rig::of_views(&draft.views);
-    let buffer = DepthBuffer::of_view(&draft.solid.mesh, &rig, index, 1.0);
-    let image = &draft.views.views()[index].image;
-    let covered = |x: i64, y: i64| {
-        let inside =
-            x >= 0 && y >= 0 && x < i64::from(image.width()) && y < i64::from(image.height());
-        inside && buffer.nearest(x as usize, y as usize).is_some()
-    };
-    RgbImage::from_fn(image.width(), image.height(), |x, y| {
-        let (u, v) = (i64::from(x), i64::from(y));
-        let beside = [(u - 1, v), (u + 1, v), (u, v - 1), (u, v + 1)];
-        if covered(u, v) && beside.iter().any(|&(u, v)| !covered(u, v)) {
-            OUTLINE
-        } else {
-            Rgb([image.get_pixel(x, y).0[0]; 3])
-        }
-    })
+impl Redrawn {
+    /// The drawing `image`, of the same view, with the draft's outline over it
+    /// in colour.
+    pub fn over(&self, image: &GrayImage) -> RgbImage {
+        const OUTLINE: Rgb<u8> = Rgb([220, 40, 40]);
+        let covered =
+            |x: u32, y: u32| self.mask.get_pixel_checked(x, y).is_some_and(|level| level.0[0] != 0);
+        RgbImage::from_fn(image.width(), image.height(), |x, y| {
+            // Beyond the left and upper border columns and rows wrap to none.
+            let beside = [(x.wrapping_sub(1), y), (x + 1, y), (x, y.wrapping_sub(1)), (x, y + 1)];
+            if covered(x, y) && beside.iter().any(|&(x, y)| !covered(x, y)) {
+                OUTLINE
+            } else {
+                Rgb([image.get_pixel(x, y).0[0]; 3])
+            }
+        })
+    }
 }
 
 #[cfg(test)]

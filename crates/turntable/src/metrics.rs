@@ -8,7 +8,7 @@ use serde::Serialize;
 use crate::depth::{DepthSource, Fallback};
 use crate::draft::Draft;
 use crate::export::DISPARITY_ANGLE_DEG;
-use crate::fit::{ViewFit, fit};
+use crate::fit::{Redrawn, ViewFit};
 use crate::options::TurntableOptions;
 use crate::registration::ViewRegistration;
 use crate::silhouette::{OppositePair, SilhouetteSource};
@@ -72,7 +72,7 @@ struct MeshMetrics {
 }
 
 /// Puts together what each stage says.
-pub fn measure(draft: &Draft<'_>, options: &TurntableOptions) -> Metrics {
+pub fn measure(draft: &Draft<'_>, redrawn: &[Redrawn], options: &TurntableOptions) -> Metrics {
     let silhouettes = draft.silhouettes.silhouettes.iter();
     let views = silhouettes.zip(&draft.registrations).zip(&draft.depths);
     let views: Vec<_> = views
@@ -94,7 +94,7 @@ pub fn measure(draft: &Draft<'_>, options: &TurntableOptions) -> Metrics {
         })
         .collect();
     let mesh = mesh_metrics(&draft.solid.mesh);
-    let fit = fit(draft);
+    let fit: Vec<ViewFit> = redrawn.iter().map(|view| view.fit.clone()).collect();
     Metrics {
         warnings: warnings(&views, &fit, &mesh),
         views,

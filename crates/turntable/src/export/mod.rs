@@ -10,7 +10,7 @@ use picture::{EncodeError, FloatImage, normals_png, png, silhouette_png};
 
 use crate::depth::normals_from_depth;
 use crate::draft::Draft;
-use crate::fit::fit_picture;
+use crate::fit::Redrawn;
 use crate::surface::projection::{Rig, best_views};
 use glb::{Drawn, solid_glb, textured_glb};
 use obj::quad_obj;
@@ -22,9 +22,15 @@ const MAX_NORMAL_STEP_PX: f32 = 4.0;
 
 /// The maps of the draft's view at `index`.
 ///
+/// * `redrawn`: of that view.
+///
 /// # Errors
 /// [`EncodeError`] for a picture that cannot be written.
-pub fn view_files(draft: &Draft<'_>, index: usize) -> Result<Files, EncodeError> {
+pub fn view_files(
+    draft: &Draft<'_>,
+    redrawn: &Redrawn,
+    index: usize,
+) -> Result<Files, EncodeError> {
     let (view, silhouette) = (&draft.depths[index], &draft.silhouettes.silhouettes[index]);
     let name = |artifact| ArtifactName::View(view.azimuth, artifact);
     let mut files =
@@ -33,7 +39,7 @@ pub fn view_files(draft: &Draft<'_>, index: usize) -> Result<Files, EncodeError>
     files.artifacts.push(Artifact::new(name(ViewArtifact::NormalsPng), normals));
     let mask = silhouette_png(silhouette.mask())?;
     files.artifacts.push(Artifact::new(name(ViewArtifact::SilhouettePng), mask));
-    let fit = png(&fit_picture(draft, index))?;
+    let fit = png(&redrawn.over(&draft.views.views()[index].image))?;
     files.artifacts.push(Artifact::new(name(ViewArtifact::FitPng), fit));
     Ok(files)
 }

@@ -6,9 +6,9 @@ use prior::{LogitField, Prior, PriorError, PriorInput, PriorView};
 use progress::Observer;
 
 use super::crease::Slice;
-use super::fusion;
 use super::outline::Outline;
 use super::solid_views::{SolidSheet, SolidView};
+use super::{fusion, hull_plane};
 use crate::surface::field::{Field, Lattice, Plane};
 use crate::views::ViewSet;
 
@@ -119,13 +119,6 @@ pub(super) fn blend(
     let mut field = Field { lattice, planes };
     smooth(&mut field, &hulls, directions);
     field
-}
-
-/// The sections of a slice as signed distances.
-fn hull_plane(lattice: &Lattice, slice: &Slice) -> Plane {
-    let sections = slice.sections.iter();
-    let polygons: Vec<_> = sections.map(|section| section.corners.clone()).collect();
-    Plane::of_polygons(lattice, &polygons)
 }
 
 /// How often the field is averaged: what the outlines bring back makes steps

@@ -431,13 +431,18 @@ fn field_of(lattice: Lattice, outlines: Vec<SliceOutlines>) -> Field {
     Field { lattice, planes: planes.collect() }
 }
 
+/// The sections of a slice as signed distances.
+fn hull_plane(lattice: &Lattice, slice: &Slice) -> Plane {
+    let sections = slice.sections.iter();
+    let polygons: Vec<_> = sections.map(|section| section.corners.clone()).collect();
+    Plane::of_polygons(lattice, &polygons)
+}
+
 fn fuse(field: &mut Field, slices: &[Slice], directions: &[Outline], views: &[CarvingView]) {
     use rayon::prelude::*;
     let lattice = field.lattice;
     let of_slice = |(prior, slice): (&Plane, &Slice)| {
-        let sections = slice.sections.iter();
-        let polygons: Vec<_> = sections.map(|section| section.corners.clone()).collect();
-        let hull = Plane::of_polygons(&lattice, &polygons);
+        let hull = hull_plane(&lattice, slice);
         let corrections = fusion::corrections(prior, &hull, &lattice, slice.row, views);
         (hull, corrections)
     };
