@@ -11,7 +11,8 @@ run:
 # Install what the tests need and run all of them.
 test:
 	@scripts/install-prerequisites
-	cargo test --workspace --locked
+	cargo test --workspace --locked --lib --bins --tests
+	cargo test --workspace --locked --doc
 
 check: lint docs test
 
