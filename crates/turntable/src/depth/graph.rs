@@ -92,10 +92,10 @@ impl PixelGraph {
         [0, 1, -1, 2, -2].into_iter().find_map(|step| self.node_beside(crossing.y, column, step))
     }
 
-    /// The node `step` columns from `column`.
+    /// The node `step` columns from `column`; none beyond the last row.
     pub(super) fn node_beside(&self, y: u32, column: usize, step: isize) -> Option<usize> {
         let column = column.checked_add_signed(step).filter(|&column| column < self.width)?;
-        let node = self.node_of[y as usize * self.width + column];
+        let node = *self.node_of.get(y as usize * self.width + column)?;
         (node != NONE).then_some(node as usize)
     }
 

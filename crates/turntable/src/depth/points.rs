@@ -239,18 +239,17 @@ impl<'a> Refinement<'a> {
 
     /// Whether no point around a node's is clearly nearer.
     fn is_unhidden(&self, node: usize, nearest: &[f32]) -> bool {
-        const REACH: (isize, i64) = (4, 2);
+        const REACH: (isize, u32) = (4, 2);
         if nearest[node].is_nan() {
             return false;
         }
         let limit = nearest[node] - 25.0 * self.unit_px;
         let (x, y) = self.graph.positions[node];
-        (-REACH.1..=REACH.1).all(|dy| {
-            let row = i64::from(y) + dy;
-            let inside = (0..self.graph.height as i64).contains(&row);
+        let rows = y.saturating_sub(REACH.1)..=y.saturating_add(REACH.1);
+        rows.into_iter().all(|row| {
             (-REACH.0..=REACH.0).all(|dx| {
-                let beside = self.graph.node_beside(row.max(0) as u32, x as usize, dx);
-                !inside || !beside.is_some_and(|node| nearest[node] <= limit)
+                let beside = self.graph.node_beside(row, x as usize, dx);
+                !beside.is_some_and(|node| nearest[node] <= limit)
             })
         })
     }
