@@ -24,6 +24,7 @@ use serde::{Deserialize, Serialize};
 use sheet::{Sheet, SheetDocument};
 
 use crate::failure_code::FailureCode;
+use crate::kinds::FitSummary;
 use decode::{DecodedSheet, decode_sheet};
 use options::{Method, Options};
 use subjects::Preparation;
@@ -44,6 +45,9 @@ pub struct Summary {
     pub usable_pairs: usize,
     /// Names of all artifacts, in the order they were emitted.
     pub artifacts: Vec<String>,
+    /// How well the draft, drawn again, matches each drawing; empty for a method
+    /// that makes no solid.
+    pub fit: Vec<FitSummary>,
     /// What a person should look at, in sentences.
     pub warnings: Vec<String>,
 }

@@ -10,7 +10,7 @@ use picture::png;
 use progress::Observer;
 use rayon::ThreadPool;
 use turntable::export::{model_files, view_files};
-use turntable::fit::redraw;
+use turntable::fit::{ViewFit, redraw};
 use turntable::{Draft, metrics};
 
 use super::exporter::Exporter;
@@ -18,6 +18,7 @@ use super::report::{MetricsDocument, SheetReport};
 use super::subjects::Preparation;
 use super::truth::Truths;
 use super::{DraftError, Run, Summary};
+use crate::kinds::FitSummary;
 
 /// Mesh, metrics, bundle and timings follow the views.
 const UNITS_AFTER_VIEWS: usize = 4;
@@ -73,8 +74,18 @@ pub(super) fn run(run: &Run<'_>, delivery: Delivery<'_>) -> Result<Summary, Draf
         pairs: 0,
         usable_pairs: 0,
         artifacts: exporter.finish(timed, threads)?,
+        fit: redrawn.iter().map(|view| summary_of(&view.fit)).collect(),
         warnings: found.warnings,
     })
+}
+
+fn summary_of(fit: &ViewFit) -> FitSummary {
+    FitSummary {
+        azimuth_deg: fit.azimuth_deg,
+        silhouette_iou: fit.silhouette_iou,
+        outline_distance_px: fit.outline_distance_px,
+        ink_explained: fit.ink_explained,
+    }
 }
 
 /// The subject cut out of its drawing, in colour.

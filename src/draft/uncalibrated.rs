@@ -44,6 +44,7 @@ pub(super) fn run(run: &Run<'_>, delivery: Delivery<'_>) -> Result<Summary, Draf
         pairs: reconstruction.pairs.len(),
         usable_pairs: reconstruction.usable_pairs().count(),
         artifacts: files.finish(timed, threads)?,
+        fit: Vec::new(),
         warnings: metrics.warnings,
     })
 }

@@ -9,7 +9,7 @@ use uuid::Uuid;
 use super::openapi::options_reference;
 use super::reconstructions::Reconstructions;
 use super::resource::Resource;
-use crate::kinds::ReconstructionPayload;
+use crate::kinds::{ReconstructionPayload, ReconstructionSummary};
 use frames::Azimuth;
 use jobs::{ArtifactEntry, Failure, Job, JobId, JobState};
 use sheet::{SheetDocument, ViewDocument};
@@ -35,6 +35,8 @@ pub struct Reconstruction {
     pub views: Vec<ViewSummary>,
     /// Whether a true model came with it.
     pub truth_model: bool,
+    /// How well the draft fits its drawings; null until it has succeeded.
+    pub summary: Option<ReconstructionSummary>,
     #[serde(flatten)]
     pub status: JobStatus,
     pub links: Links,
@@ -185,6 +187,7 @@ impl From<&Job> for Reconstruction {
             method: options["method"].as_str().map(str::to_owned),
             options,
             views: summaries(&document),
+            summary: job.summary.clone().and_then(|value| serde_json::from_value(value).ok()),
             truth_model: document.truth.is_some_and(|truth| truth.model.is_some()),
             status: JobStatus::from(job),
             links: Links::of(job),

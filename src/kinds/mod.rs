@@ -4,4 +4,6 @@ mod drawing;
 mod reconstruction;
 
 pub use self::drawing::{DRAWING, DrawPayload, ModelFile, ModelSource};
-pub use reconstruction::{RECONSTRUCTION, ReconstructionPayload};
+pub use reconstruction::{
+    FitSummary, RECONSTRUCTION, ReconstructionPayload, ReconstructionSummary,
+};

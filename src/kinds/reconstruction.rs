@@ -1,6 +1,7 @@
 //! Jobs that reconstruct a sheet.
 
 use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
 use uuid::Uuid;
 
 use sheet::SheetDocument;
@@ -18,4 +19,30 @@ pub struct ReconstructionPayload {
     /// The earlier job whose inputs were taken over.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub source: Option<Uuid>,
+}
+
+/// What a draft came to.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct ReconstructionSummary {
+    /// How well the draft, drawn again, matches each drawing, by rising azimuth;
+    /// empty for a method that makes no solid.
+    pub fit: Vec<FitSummary>,
+    /// What a person should look at, in sentences.
+    pub warnings: Vec<String>,
+}
+
+/// How well the draft, drawn again, matches one drawing.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct FitSummary {
+    /// Degrees in [0, 360).
+    #[schema(minimum = 0, exclusive_maximum = 360)]
+    pub azimuth_deg: f64,
+    /// Intersection over union of the draft's silhouette with the drawing's.
+    #[schema(minimum = 0, maximum = 1)]
+    pub silhouette_iou: f64,
+    /// Mean distance between both outlines, px; null if one is empty.
+    pub outline_distance_px: Option<f64>,
+    /// Share of the drawing's ink that lies at an edge of the draft.
+    #[schema(minimum = 0, maximum = 1)]
+    pub ink_explained: f64,
 }

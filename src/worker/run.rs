@@ -2,7 +2,7 @@
 
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
@@ -31,8 +31,8 @@ pub(super) fn run(shared: &Shared, claim: &Claim, claimed: Instant) {
     // Waited for in any case: nothing may be written after a clean-up.
     let stored = shared.runtime.block_on(uploads.finish());
     let ending = match (result, stored) {
-        (Ok(()), Ok(artifacts)) => Ending::Succeeded(artifacts),
-        (Ok(()), Err(error)) => Ending::Broken(error.to_string()),
+        (Ok(summary), Ok(artifacts)) => Ending::Succeeded(artifacts, summary),
+        (Ok(_), Err(error)) => Ending::Broken(error.to_string()),
         (Err(WorkError::Input(failure)), _) => Ending::Failed(failure),
         (Err(WorkError::Broken(detail)), _) => Ending::Broken(detail),
         (Err(WorkError::Cancelled), _) => Ending::Stopped(signal.reason()),
@@ -44,7 +44,7 @@ pub(super) fn run(shared: &Shared, claim: &Claim, claimed: Instant) {
 /// What an attempt came to.
 #[derive(Clone)]
 enum Ending {
-    Succeeded(Vec<jobs::ArtifactEntry>),
+    Succeeded(Vec<jobs::ArtifactEntry>, Option<Value>),
     Failed(Failure),
     Broken(String),
     Stopped(Option<StopReason>),
@@ -56,7 +56,7 @@ fn work(
     claim: &Claim,
     signal: &Arc<Signal>,
     uploads: &Uploads,
-) -> Result<(), WorkError> {
+) -> Result<Option<Value>, WorkError> {
     let Some(work) = shared.works.iter().find(|work| work.kind() == claim.job.kind) else {
         let detail = format!("this version has no work for jobs of kind {}", claim.job.kind);
         return Err(WorkError::Broken(detail));
@@ -78,15 +78,18 @@ fn work(
         signal,
         uploads,
         progress,
+        summary: OnceLock::new(),
     };
     // What the work shares with the pool is behind locks that heal.
     let result = catch_unwind(AssertUnwindSafe(|| work.run(&attempt)));
-    drop(attempt);
+    let summary = attempt.into_summary();
     done.cancel();
     if let Err(error) = shared.runtime.block_on(writer) {
         tracing::error!(job = %claim.job.id, %error, "progress writer broke");
     }
-    result.unwrap_or_else(|panic| Err(WorkError::Broken(panic_message(panic.as_ref()))))
+    let result =
+        result.unwrap_or_else(|panic| Err(WorkError::Broken(panic_message(panic.as_ref()))));
+    result.map(|()| summary)
 }
 
 /// Writes the latest progress, at most once an `interval`, and once more at the
@@ -172,7 +175,9 @@ async fn try_ending(
 ) -> Result<JobState, StoreError> {
     let store = &shared.store;
     match ending {
-        Ending::Succeeded(artifacts) => store.succeed(id, attempt, artifacts).await,
+        Ending::Succeeded(artifacts, summary) => {
+            store.succeed(id, attempt, artifacts, summary).await
+        }
         Ending::Failed(failure) => store.fail(id, attempt, failure).await,
         Ending::Broken(detail) => {
             let failure = Failure { code: "internal".to_owned(), detail };

@@ -1,7 +1,7 @@
 //! What a kind of job must do, and what an attempt can read and write.
 
 use std::io;
-use std::sync::Mutex;
+use std::sync::{Mutex, OnceLock};
 
 use bytes::Bytes;
 use serde_json::Value;
@@ -48,6 +48,7 @@ pub struct Attempt<'a> {
     pub(super) signal: &'a Signal,
     pub(super) uploads: &'a Uploads,
     pub(super) progress: ProgressSender,
+    pub(super) summary: OnceLock<Value>,
 }
 
 impl Attempt<'_> {
@@ -64,6 +65,16 @@ impl Attempt<'_> {
     /// Whether the work should stop now: cancelled, shut down or lease lost.
     pub fn is_cancelled(&self) -> bool {
         self.signal.reason().is_some()
+    }
+
+    /// Says what the work came to, in a few values; the first word counts.
+    pub fn summarise(&self, summary: Value) {
+        let _ = self.summary.set(summary);
+    }
+
+    /// What the work said it came to.
+    pub(super) fn into_summary(self) -> Option<Value> {
+        self.summary.into_inner()
     }
 
     /// An input of the job.

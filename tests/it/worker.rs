@@ -456,7 +456,7 @@ async fn only_bytes_that_belong_to_nothing_are_collected() {
         jobs.push(id);
     }
     let [queued, running, succeeded] = jobs.try_into().unwrap();
-    world.store.succeed(succeeded, 2, Vec::new()).await.unwrap();
+    world.store.succeed(succeeded, 2, Vec::new(), None).await.unwrap();
     world.store.release(queued, 2).await.unwrap();
     // A job that is uploading, or was when its process died.
     let uploading = JobId::new();

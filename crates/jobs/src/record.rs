@@ -32,7 +32,7 @@ pub(super) struct Change {
 /// How an attempt ended.
 #[derive(Clone, Debug)]
 pub(super) enum Ending {
-    Succeeded(Vec<ArtifactEntry>),
+    Succeeded(Vec<ArtifactEntry>, Option<Value>),
     /// Trying again would not help.
     Failed(Failure),
     Cancelled,
@@ -59,6 +59,7 @@ impl Record {
             progress: None,
             failure: None,
             artifacts: Vec::new(),
+            summary: None,
             created_at: now,
             started_at: None,
             finished_at: None,
@@ -109,8 +110,9 @@ impl Record {
             return self.finish(JobState::Cancelled, now);
         }
         match ending {
-            Ending::Succeeded(artifacts) => {
+            Ending::Succeeded(artifacts, summary) => {
                 self.job.artifacts = artifacts;
+                self.job.summary = summary;
                 self.finish(JobState::Succeeded, now)
             }
             Ending::Failed(failure) => {

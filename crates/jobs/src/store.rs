@@ -75,7 +75,8 @@ pub trait JobStore: Send + Sync {
     /// Records progress of (job, attempt).
     async fn progress(&self, id: JobId, attempt: u32, progress: Value) -> Result<(), StoreError>;
 
-    /// Publishes the artifacts and ends the job as succeeded, in one transaction.
+    /// Publishes artifacts and summary and ends the job as succeeded, in one
+    /// transaction.
     ///
     /// This and the other endings return the state the job is in afterwards:
     /// one whose cancellation was accepted always ends as cancelled, whatever
@@ -85,6 +86,7 @@ pub trait JobStore: Send + Sync {
         id: JobId,
         attempt: u32,
         artifacts: Vec<ArtifactEntry>,
+        summary: Option<Value>,
     ) -> Result<JobState, StoreError>;
 
     /// Ends the job as failed: trying again would not help.

@@ -108,6 +108,8 @@ pub struct Job {
     pub failure: Option<Failure>,
     /// Set when succeeded, in publication order.
     pub artifacts: Vec<ArtifactEntry>,
+    /// What it came to in a few values, if succeeded and its work says so.
+    pub summary: Option<Value>,
     /// When it was enqueued.
     pub created_at: Timestamp,
     /// When the current attempt began.

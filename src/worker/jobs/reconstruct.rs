@@ -6,7 +6,7 @@ use super::failure;
 use super::sink::AttemptSink;
 use super::watch::Watch;
 use crate::draft::{self, DraftError};
-use crate::kinds::{RECONSTRUCTION, ReconstructionPayload};
+use crate::kinds::{RECONSTRUCTION, ReconstructionPayload, ReconstructionSummary};
 use crate::worker::{Attempt, Work, WorkError};
 use picture::ImageLimits;
 
@@ -25,7 +25,7 @@ impl Work for Reconstruct {
     fn run(&self, attempt: &Attempt<'_>) -> Result<(), WorkError> {
         let payload = ReconstructionPayload::deserialize(&attempt.job().payload)
             .map_err(|error| WorkError::Broken(format!("unreadable payload: {error}")))?;
-        draft::produce(
+        let found = draft::produce(
             &payload.document,
             &|name| attempt.read(name),
             &self.limits,
@@ -33,6 +33,9 @@ impl Work for Reconstruct {
             &Watch(attempt),
             &mut AttemptSink(attempt),
         )?;
+        let summary = ReconstructionSummary { fit: found.fit, warnings: found.warnings };
+        let summary = serde_json::to_value(summary);
+        attempt.summarise(summary.map_err(|error| WorkError::Broken(error.to_string()))?);
         Ok(())
     }
 }

@@ -103,7 +103,7 @@ impl Service {
                 sha256: hex::encode(Sha256::digest(content)),
             });
         }
-        self.store.succeed(id, attempt, entries).await.unwrap();
+        self.store.succeed(id, attempt, entries, None).await.unwrap();
     }
 
     /// A succeeded job with these artifacts.

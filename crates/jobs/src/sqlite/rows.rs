@@ -34,6 +34,7 @@ impl<'r> FromRow<'r, SqliteRow> for Record {
             progress: optional_json(row, "progress")?,
             failure: optional_json(row, "failure")?,
             artifacts: json(row, "artifacts")?,
+            summary: optional_json(row, "summary")?,
             created_at: time(row, "created_ms")?,
             started_at: optional_time(row, "started_ms")?,
             finished_at: optional_time(row, "finished_ms")?,
@@ -108,7 +109,8 @@ pub(super) async fn save(
     sqlx::query(
         "UPDATE jobs SET state = ?2, attempt = ?3, attempts_used = ?4, cancel_requested = ?5,
              worker = ?6, lease_until_ms = ?7, not_before_ms = ?8, progress = ?9, failure = ?10,
-             artifacts = ?11, started_ms = ?12, finished_ms = ?13, version = ?14
+             artifacts = ?11, started_ms = ?12, finished_ms = ?13, version = ?14,
+             summary = ?15
          WHERE id = ?1",
     )
     .bind(job.id.to_string())
@@ -125,6 +127,7 @@ pub(super) async fn save(
     .bind(job.started_at.map(Timestamp::as_millisecond))
     .bind(job.finished_at.map(Timestamp::as_millisecond))
     .bind(job.version.cast_signed())
+    .bind(job.summary.as_ref().map(Value::to_string))
     .execute(connection)
     .await
     .map_err(backend)?;

@@ -181,8 +181,9 @@ impl JobStore for SqliteStore {
         id: JobId,
         attempt: u32,
         artifacts: Vec<ArtifactEntry>,
+        summary: Option<Value>,
     ) -> Result<JobState, StoreError> {
-        self.end(id, attempt, Ending::Succeeded(artifacts)).await
+        self.end(id, attempt, Ending::Succeeded(artifacts, summary)).await
     }
 
     async fn fail(

@@ -48,7 +48,7 @@ async fn what_is_stored_survives_closing() {
     store.close().await;
     let store = open(&path, &clock).await;
     assert_eq!(store.get(queued.id).await.unwrap(), claim.job);
-    store.succeed(queued.id, claim.attempt, Vec::new()).await.unwrap();
+    store.succeed(queued.id, claim.attempt, Vec::new(), None).await.unwrap();
     assert_eq!(store.get(queued.id).await.unwrap().state, JobState::Succeeded);
 }
 
@@ -57,7 +57,7 @@ async fn work_through(store: Arc<SqliteStore>) {
     for _ in 0..5 {
         store.enqueue(new_job()).await.unwrap();
         let Some(claim) = store.claim("tester", LEASE).await.unwrap() else { continue };
-        store.succeed(claim.job.id, claim.attempt, Vec::new()).await.unwrap();
+        store.succeed(claim.job.id, claim.attempt, Vec::new(), None).await.unwrap();
     }
 }
 
@@ -83,7 +83,7 @@ async fn processes_can_share_the_file() {
     }
     let store = &stores[0];
     while let Some(claim) = store.claim("tester", LEASE).await.unwrap() {
-        store.succeed(claim.job.id, claim.attempt, Vec::new()).await.unwrap();
+        store.succeed(claim.job.id, claim.attempt, Vec::new(), None).await.unwrap();
     }
     let ids = store.ids().await.unwrap();
     assert_eq!(ids.len(), 20);

@@ -64,7 +64,7 @@ impl Subject {
         let store = &self.store;
         vec![
             store.progress(id, attempt, json!({ "fraction": 1.0 })).await,
-            store.succeed(id, attempt, artifacts()).await.map(drop),
+            store.succeed(id, attempt, artifacts(), None).await.map(drop),
             store.fail(id, attempt, broken()).await.map(drop),
             store.cancelled(id, attempt).await.map(drop),
             store.retry(id, attempt, broken(), Duration::ZERO).await.map(drop),
@@ -152,7 +152,7 @@ async fn a_job_goes_from_queued_to_succeeded(subject: &Subject) {
     assert_eq!(subject.get(job.id).await.progress, Some(json!({ "fraction": 0.5 })));
 
     subject.clock.advance(Duration::from_secs(7));
-    let state = store.succeed(job.id, 1, artifacts()).await.unwrap();
+    let state = store.succeed(job.id, 1, artifacts(), None).await.unwrap();
     let done = subject.get(job.id).await;
     assert_eq!((state, done.state), (JobState::Succeeded, JobState::Succeeded));
     assert_eq!(done.artifacts, artifacts());
@@ -240,7 +240,7 @@ async fn a_worker_that_lost_its_lease_changes_nothing(subject: &Subject) {
     // Attempts that were never given out are no better.
     subject.assert_fenced(id, 3).await;
     subject.store.progress(id, 2, json!({ "fraction": 0.1 })).await.unwrap();
-    subject.store.succeed(id, 2, artifacts()).await.unwrap();
+    subject.store.succeed(id, 2, artifacts(), None).await.unwrap();
     subject.assert_fenced(id, 1).await;
     subject.assert_fenced(id, 2).await;
     use EventKind::{Progress, Queued, Requeued, Started, Succeeded};
@@ -347,7 +347,7 @@ async fn an_accepted_cancellation_wins_over_every_ending(subject: &Subject) {
         subject.store.request_cancel(id).await.unwrap();
         let store = &subject.store;
         let state = match ending {
-            0 => store.succeed(id, 1, artifacts()).await.unwrap(),
+            0 => store.succeed(id, 1, artifacts(), None).await.unwrap(),
             1 => store.fail(id, 1, broken()).await.unwrap(),
             2 => store.retry(id, 1, broken(), Duration::ZERO).await.unwrap(),
             3 => store.release(id, 1).await.unwrap(),
@@ -368,7 +368,7 @@ async fn cancelling_races_with_succeeding(subject: &Subject) {
         let id = subject.running(3).await.job.id;
         let (cancelling, ending) = (Arc::clone(&subject.store), Arc::clone(&subject.store));
         let cancelling = tokio::spawn(async move { cancelling.request_cancel(id).await });
-        let ending = tokio::spawn(async move { ending.succeed(id, 1, artifacts()).await });
+        let ending = tokio::spawn(async move { ending.succeed(id, 1, artifacts(), None).await });
         let accepted = match cancelling.await.unwrap() {
             Ok(_) => true,
             Err(StoreError::Finished { .. }) => false,
@@ -383,7 +383,7 @@ async fn cancelling_races_with_succeeding(subject: &Subject) {
 
 async fn a_finished_job_cannot_be_cancelled(subject: &Subject) {
     let id = subject.running(3).await.job.id;
-    subject.store.succeed(id, 1, artifacts()).await.unwrap();
+    subject.store.succeed(id, 1, artifacts(), None).await.unwrap();
     let before = subject.get(id).await;
     let refused = subject.store.request_cancel(id).await;
     assert!(matches!(refused, Err(StoreError::Finished { id: named }) if named == id));
@@ -448,7 +448,7 @@ async fn a_deleted_job_is_gone_with_its_events(subject: &Subject) {
     let running = subject.running(3).await.job.id;
     let refused = subject.store.delete(running).await;
     assert!(matches!(refused, Err(StoreError::Running { id }) if id == running));
-    subject.store.succeed(running, 1, artifacts()).await.unwrap();
+    subject.store.succeed(running, 1, artifacts(), None).await.unwrap();
     let queued = subject.enqueue(3).await.id;
     for id in [running, queued] {
         subject.store.delete(id).await.unwrap();
