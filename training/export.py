@@ -1,50 +1,57 @@
-"""Weights to the two graphs that crates/prior reads.  python export.py WEIGHTS OUT_DIR
+"""Weights to the file that crates/prior reads.  python export.py WEIGHTS OUT_DIR
 
-encoder.onnx and volume.onnx, opset 13, batch norm folded into the convolutions, convolutions' weights as f16
-that the graph casts to f32.
+prior.safetensors: the weights of each convolution as f16 with its batch norm folded in, its bias as f32, in
+PyTorch's order of axes; named as in model.py.
 """
-import inspect, os, sys
-import numpy as np, onnx, torch
-from onnx import TensorProto, helper, numpy_helper
-import model
+import os, sys
+import numpy as np
+from safetensors.numpy import save_file
+
+EPSILON = 1e-5  # PyTorch's batch norm
+NORMS = {'0': '1', 'b': 'n', 'c': 'n'}  # the last part of a convolution's name: that of its norm
+ROOTS = {'enc': 'encoder', 'vol': 'volume'}
+HEADS = ('aux', 'coarse')  # only trained with
 
 
-def halved(path):
-    """stores initialisers of more than one axis as f16"""
-    graph = onnx.load(path)
-    casts = []
-    for tensor in graph.graph.initializer:
-        if tensor.data_type == TensorProto.FLOAT and len(tensor.dims) > 1:
-            name = tensor.name
-            tensor.CopyFrom(numpy_helper.from_array(numpy_helper.to_array(tensor).astype(np.float16), name + '.f16'))
-            casts.append(helper.make_node('Cast', [name + '.f16'], [name], to=TensorProto.FLOAT))
-    for node in reversed(casts):
-        graph.graph.node.insert(0, node)
-    onnx.checker.check_model(graph)
-    onnx.save(graph, path)
-    print(os.path.basename(path), os.path.getsize(path), 'bytes', sorted({n.op_type for n in graph.graph.node}))
+def folded(state):
+    """state: name -> array; the convolutions' weights and biases by name"""
+    out = {}
+    for key, value in state.items():
+        if not key.endswith('.weight') or value.ndim < 3:
+            continue
+        path = key[:-len('.weight')]
+        if path.rsplit('.', 1)[-1] in HEADS:
+            continue
+        # A transposed convolution has its inputs first.
+        transposed = path.endswith('.c')
+        weight = value.astype(np.float32)
+        bias = state.get(path + '.bias')
+        bias = np.zeros(weight.shape[1 if transposed else 0]) if bias is None else bias
+        bias = bias.astype(np.float32)
+        parent, last = path.rsplit('.', 1)
+        norm = f'{parent}.{NORMS.get(last, "")}'
+        if norm + '.running_mean' in state:
+            part = {name: state[f'{norm}.{name}'].astype(np.float32) for name in ('weight', 'bias', 'running_mean', 'running_var')}
+            scale = part['weight'] / np.sqrt(part['running_var'] + EPSILON)
+            axis = 1 if transposed else 0
+            weight = weight * scale.reshape([-1 if i == axis else 1 for i in range(weight.ndim)])
+            bias = (bias - part['running_mean']) * scale + part['bias']
+        name = path.removesuffix('.0') if last == '0' and norm + '.running_mean' in state else path
+        root, rest = name.split('.', 1)
+        out[f'{ROOTS[root]}.{rest}.weight'] = weight.astype(np.float16)
+        out[f'{ROOTS[root]}.{rest}.bias'] = bias.astype(np.float32)
+    return out
 
 
 def main():
+    import torch
     weights, out = sys.argv[1:3]
     os.makedirs(out, exist_ok=True)
-    net = model.Prior()
     state = torch.load(weights, map_location='cpu')
-    net.load_state_dict({k: v.float() if v.is_floating_point() else v for k, v in state.items()})
-    net.eval()
-    n, nz, ny, nx, nw = 3, 32, 16, 24, 32
-    drawings = torch.rand(n, 2, nz * 4, nw * 4)
-    features, position, extra = torch.randn(n, 24, ny, nx, nz), torch.randn(n, 4, ny, nx, 1), torch.rand(1, 16, ny, nx, nz)
-    options = dict(opset_version=13, do_constant_folding=True)
-    if 'dynamo' in inspect.signature(torch.onnx.export).parameters:
-        options['dynamo'] = False
-    space = {2: 'y', 3: 'x', 4: 'z'}
-    torch.onnx.export(net.enc, (drawings,), out + '/encoder.onnx', input_names=['drawings'], output_names=['features'],
-                      dynamic_axes={'drawings': {0: 'n', 2: 'h', 3: 'w'}, 'features': {0: 'n', 2: 'nz', 3: 'nw'}}, **options)
-    torch.onnx.export(net.vol, (features, position, extra), out + '/volume.onnx', input_names=['features', 'position', 'extra'], output_names=['logits'],
-                      dynamic_axes={'features': {0: 'n', **space}, 'position': {0: 'n', 2: 'y', 3: 'x'}, 'extra': space, 'logits': space}, **options)
-    for name in ('encoder', 'volume'):
-        halved(f'{out}/{name}.onnx')
+    tensors = folded({key: value.float().numpy() for key, value in state.items()})
+    path = f'{out}/prior.safetensors'
+    save_file(tensors, path)
+    print(os.path.basename(path), os.path.getsize(path), 'bytes', len(tensors), 'tensors')
 
 
 if __name__ == '__main__':

@@ -33,7 +33,7 @@ const HEAVY: &[(&str, &[&str])] = &[
     ("tokio", &["jobs"]),
     ("sqlx", &["jobs"]),
     ("object_store", &["jobs"]),
-    ("tract-onnx", &["prior"]),
+    ("safetensors", &["prior"]),
     ("axum", &[]),
     ("reqwest", &[]),
 ];

@@ -1,6 +1,7 @@
 //! Logits at any place.
 
 use super::Grid;
+use super::tensor::Tensor;
 
 /// What the network says far outside its grid.
 pub(crate) const OUTSIDE: f32 = -20.0;
@@ -14,14 +15,14 @@ pub struct LogitField {
 }
 
 impl LogitField {
-    /// * `logits`: eight channels a voxel by Y, X, Z, as the network gives them.
-    pub(crate) fn new(grid: Grid, logits: Vec<f32>) -> Self {
+    /// * `logits`: eight a voxel by Y, X, Z, as the network gives them.
+    pub(crate) fn new(grid: Grid, logits: &Tensor) -> Self {
         let [nx, ny, nz] = grid.size;
-        let mut values = vec![0.0; logits.len()];
-        for (channel, plane) in logits.chunks_exact(grid.voxels()).enumerate() {
-            let [dy, dx, dz] = [channel >> 2 & 1, channel >> 1 & 1, channel & 1];
-            for (index, &value) in plane.iter().enumerate() {
-                let (z, x, y) = (index % nz, index / nz % nx, index / nz / nx);
+        let mut values = vec![0.0; logits.values.len()];
+        for (index, octet) in logits.values.chunks_exact(8).enumerate() {
+            let (z, x, y) = (index % nz, index / nz % nx, index / nz / nx);
+            for (channel, &value) in octet.iter().enumerate() {
+                let [dy, dx, dz] = [channel >> 2 & 1, channel >> 1 & 1, channel & 1];
                 // Rows of the network grow downward.
                 let up = 2 * nz - 1 - (2 * z + dz);
                 values[(up * 2 * ny + 2 * y + dy) * 2 * nx + 2 * x + dx] = value;

@@ -68,11 +68,6 @@ impl Grid {
         (diagonal / STEP as f64).ceil() as usize * STEP
     }
 
-    /// Voxels in all.
-    pub(crate) fn voxels(&self) -> usize {
-        self.size.iter().product()
-    }
-
     /// Where the middle of the grid is seen at `azimuth_rad`, px from the axis.
     pub(crate) fn column_of_centre(&self, azimuth_rad: f64) -> f64 {
         self.centre[0] * azimuth_rad.cos() + self.centre[1] * azimuth_rad.sin()

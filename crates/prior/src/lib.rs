@@ -9,7 +9,7 @@
 //! |---|---|
 //! | [`grid`](Grid) | about 64^3 voxels about the hull |
 //! | sampling | drawings at 4 px a voxel: ink and filled outline |
-//! | encoder | a two-dimensional U-Net, 24 features a voxel row and column of each view |
+//! | encoder | a two-dimensional U-Net, 24 features a voxel row and column of each view; [`convolution`] says why it is ours |
 //! | lifting | each voxel takes the features of the columns that show it |
 //! | volume | a three-dimensional U-Net over the views' mean and maximum; logits at twice the grid |
 //!
@@ -19,17 +19,21 @@
 //! `weights/CARD.md` says where the weights come from.
 
 mod choice;
+mod convolution;
 mod field;
 mod grid;
 mod lifting;
 mod network;
 mod sampling;
+mod tensor;
+mod weights;
 
 pub use field::LogitField;
 pub use grid::Grid;
 
 use progress::{Cancelled, Observer};
 use rayon::prelude::*;
+use tensor::Tensor;
 
 /// The most views that the network takes at once; of more it takes those that
 /// are spread best.
@@ -81,9 +85,9 @@ pub enum PriorError {
     /// The outlines share nothing.
     #[error("nothing is inside all outlines")]
     EmptyHull,
-    /// The graphs cannot be read or run.
-    #[error("the network failed: {0}")]
-    Network(String),
+    /// A layer's weights are missing or have another shape.
+    #[error("the network's weights do not fit: {0}")]
+    Weights(String),
     /// Somebody asked to stop.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
@@ -91,22 +95,23 @@ pub enum PriorError {
 
 /// The network with its weights.
 pub struct Prior {
-    network: network::Network,
+    encoder: network::Encoder,
+    volume: network::Volume,
 }
 
 impl Prior {
     /// Reads the weights that are part of this crate.
     ///
     /// # Errors
-    /// [`PriorError::Network`] if they cannot be read.
+    /// [`PriorError::Weights`] if they cannot be read.
     pub fn load() -> Result<Self, PriorError> {
-        Ok(Self { network: network::Network::load()? })
+        network::load().map(|(encoder, volume)| Self { encoder, volume })
     }
 
     /// Logits of being inside the subject, on a grid about the hull.
     ///
-    /// Uses rayon's current pool; the result does not depend on its size.
-    /// `observer` is asked between the encoder's views and before the volume.
+    /// Uses rayon's current pool; the result depends neither on its size nor on
+    /// the processor. `observer` is asked between the networks' blocks.
     ///
     /// # Errors
     /// [`PriorError`] for drawings that bound nothing and if `observer` says so.
@@ -134,22 +139,18 @@ impl Prior {
         let grid = Grid::around(&input, voxels).ok_or(PriorError::EmptyHull)?;
         let images: Vec<sampling::Sampled> =
             input.views.par_iter().map(|view| sampling::sampled(&input, view, &grid)).collect();
-        let encoder = self.network.encoder(&grid)?;
-        let features: Vec<Vec<f32>> = images
-            .par_iter()
-            .map(|image| {
-                observer.check()?;
-                encoder.features(image)
-            })
+        // Views one after the other: each takes all threads.
+        let features: Vec<Tensor> = images
+            .iter()
+            .map(|image| self.encoder.features(image, observer))
             .collect::<Result<_, PriorError>>()?;
-        drop(encoder);
         let azimuths: Vec<f64> = input.views.iter().map(|view| view.azimuth_rad).collect();
         let masks: Vec<&[f32]> = images.iter().map(|image| image.mask()).collect();
-        let lifted = lifting::lifted(&features, &azimuths, &masks, &grid);
-        drop((features, images));
         observer.check()?;
-        let logits = self.network.volume(&grid, azimuths.len(), lifted)?;
-        Ok(LogitField::new(grid, logits))
+        let joined = lifting::joined(&self.volume.fusion, &features, &azimuths, &masks, &grid);
+        drop((features, images));
+        let logits = self.volume.logits(&joined, observer)?;
+        Ok(LogitField::new(grid, &logits))
     }
 }
 

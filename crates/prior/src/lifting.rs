@@ -1,25 +1,18 @@
 //! Features of the views at the voxels.
 
+use std::array;
+
 use rayon::prelude::*;
 
 use super::Grid;
-use super::network::FEATURES;
+use super::network::{FEATURES, Fusion};
 use super::sampling::UP;
+use super::tensor::Tensor;
 
 /// Depths and places are told in this many voxels.
 const UNIT: f32 = 32.0;
 /// Channels that tell the hull and the place.
-pub(crate) const EXTRAS: usize = 16;
-
-/// What the volume network reads, each channel by Y, X, Z.
-pub(crate) struct Lifted {
-    /// Per view and channel.
-    pub features: Vec<f32>,
-    /// Per view depth, its square, sine and cosine of the azimuth, by Y and X.
-    pub position: Vec<f32>,
-    /// The hull at twice the grid, the place, the number of views.
-    pub extra: Vec<f32>,
-}
+const EXTRAS: usize = 16;
 
 /// A column of the grid in one view: the lower of two columns and the share of
 /// the upper; the depth.
@@ -63,45 +56,85 @@ impl Seen {
     }
 }
 
-/// Lifts the features of each view, and what the volume is told besides.
+/// Lifts the features of each view to the voxels and joins them: what the
+/// volume network reads, by Y, X and Z (downward).
 ///
-/// * `features`: per view, by channel, row and column of voxels.
+/// * `features`: per view, by row and column of voxels.
 /// * `masks`: per view, the filled outline as sampled.
-pub(crate) fn lifted(
-    features: &[Vec<f32>],
+pub(crate) fn joined(
+    fusion: &Fusion,
+    features: &[Tensor],
     azimuths_rad: &[f64],
     masks: &[&[f32]],
     grid: &Grid,
-) -> Lifted {
+) -> Tensor {
     let [nx, ny, nz] = grid.size;
-    let columns = grid.view_columns();
-    let mut lifted = vec![0.0; features.len() * FEATURES * grid.voxels()];
-    let mut position = Vec::with_capacity(features.len() * 4 * nx * ny);
-    for (view, (features, &azimuth)) in features.iter().zip(azimuths_rad).enumerate() {
-        let places = seen(grid, azimuth, 1);
-        let (sine, cosine) = azimuth.sin_cos();
-        position.extend(places.iter().map(|place| place.depth));
-        position.extend(places.iter().map(|place| place.depth * place.depth));
-        position.extend(std::iter::repeat_n(sine as f32, nx * ny));
-        position.extend(std::iter::repeat_n(cosine as f32, nx * ny));
-        let own = view * FEATURES * grid.voxels()..(view + 1) * FEATURES * grid.voxels();
-        lifted[own].par_chunks_exact_mut(grid.voxels()).enumerate().for_each(|(channel, out)| {
-            let plane = &features[channel * nz * columns..(channel + 1) * nz * columns];
-            // By column first, so that a voxel column is one run.
-            let mut turned = vec![0.0; nz * columns];
-            for (z, row) in plane.chunks_exact(columns).enumerate() {
-                row.iter().enumerate().for_each(|(x, &value)| turned[x * nz + z] = value);
-            }
-            for (out, place) in out.chunks_exact_mut(nz).zip(&places) {
-                for (column, weight) in place.weights(columns) {
-                    let source = &turned[column * nz..(column + 1) * nz];
-                    out.iter_mut().zip(source).for_each(|(out, value)| *out += value * weight);
-                }
-            }
+    let places: Vec<Vec<Seen>> =
+        azimuths_rad.iter().map(|&azimuth| seen(grid, azimuth, 1)).collect();
+    let hull = hull(azimuths_rad, masks, grid);
+    let mut out = Tensor::zeros([ny, nx, nz], fusion.joined.outputs());
+    let length = out.row_length();
+    out.values.par_chunks_exact_mut(length).enumerate().for_each(|(index, out)| {
+        let views = features.iter().zip(azimuths_rad).zip(&places);
+        let views: Vec<Vec<f32>> = views
+            .map(|((features, &azimuth), places)| of_view(fusion, features, azimuth, places[index]))
+            .collect();
+        let told = [index % nx, index / nx];
+        let joined = (0..nz).flat_map(|z| {
+            let (mean, most) = fused(fusion, &views, z);
+            mean.into_iter().chain(most).chain(extras(&hull, views.len(), grid, told, z))
         });
+        fusion.joined.pointwise(&joined.collect::<Vec<f32>>(), true, out);
+    });
+    out
+}
+
+/// Mixed features of one view along a column of voxels.
+fn of_view(fusion: &Fusion, features: &Tensor, azimuth_rad: f64, seen: Seen) -> Vec<f32> {
+    let [_, nz, columns] = features.size;
+    let (sine, cosine) = azimuth_rad.sin_cos();
+    let known = [seen.depth, seen.depth * seen.depth, sine as f32, cosine as f32];
+    let position: [f32; FEATURES] = array::from_fn(|feature| {
+        let weights = &fusion.position[feature * known.len()..][..known.len()];
+        weights.iter().zip(known).fold(0.0, |sum, (weight, value)| value.mul_add(*weight, sum))
+    });
+    let mut lifted = vec![0.0; nz * FEATURES];
+    for (z, lifted) in lifted.chunks_exact_mut(FEATURES).enumerate() {
+        let row = features.row(0, z);
+        for (column, weight) in seen.weights(columns) {
+            let source = &row[column * FEATURES..][..FEATURES];
+            lifted.iter_mut().zip(source).for_each(|(own, value)| *own += value * weight);
+        }
+        lifted.iter_mut().zip(position).for_each(|(own, value)| *own = (*own + value).max(0.0));
     }
-    let extra = extras(&hull(azimuths_rad, masks, grid), azimuths_rad.len(), grid);
-    Lifted { features: lifted, position, extra }
+    let mut mixed = vec![0.0; lifted.len()];
+    fusion.mix.pointwise(&lifted, true, &mut mixed);
+    mixed
+}
+
+/// The mean of the views' features by their scores, and the largest of each.
+fn fused(fusion: &Fusion, views: &[Vec<f32>], z: usize) -> ([f32; FEATURES], [f32; FEATURES]) {
+    let own = |view: &Vec<f32>| -> [f32; FEATURES] {
+        let own = &view[z * FEATURES..][..FEATURES];
+        array::from_fn(|feature| own[feature])
+    };
+    let (weights, bias) = &fusion.score;
+    let score = |own: &[f32; FEATURES]| {
+        own.iter().zip(weights).fold(*bias, |sum, (value, weight)| value.mul_add(*weight, sum))
+    };
+    let views: Vec<[f32; FEATURES]> = views.iter().map(own).collect();
+    let scores: Vec<f32> = views.iter().map(score).collect();
+    let highest = scores.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+    let shares: Vec<f32> = scores.iter().map(|score| libm::expf(score - highest)).collect();
+    let all: f32 = shares.iter().sum();
+    let (mut mean, mut most) = ([0.0; FEATURES], [f32::NEG_INFINITY; FEATURES]);
+    for (own, share) in views.iter().zip(&shares) {
+        for (feature, value) in own.iter().enumerate() {
+            mean[feature] += value * (share / all);
+            most[feature] = most[feature].max(*value);
+        }
+    }
+    (mean, most)
 }
 
 /// How far each place at twice the grid is inside all outlines, by Z (downward), Y, X.
@@ -137,29 +170,23 @@ fn halved(mask: &[f32], columns: usize) -> Vec<f32> {
     places.map(|(x, y)| at(x, y) / (SIDE * SIDE) as f32).collect()
 }
 
-fn extras(hull: &[f32], views: usize, grid: &Grid) -> Vec<f32> {
+/// What the volume is told of a voxel besides: the hull at twice the grid, the
+/// place, the number of views.
+fn extras(hull: &[f32], views: usize, grid: &Grid, [x, y]: [usize; 2], z: usize) -> [f32; EXTRAS] {
     let [nx, ny, nz] = grid.size;
-    let voxels = grid.voxels();
-    let mut extra = vec![0.0; EXTRAS * voxels];
-    extra.par_chunks_exact_mut(voxels).enumerate().for_each(|(channel, out)| {
-        for (index, value) in out.iter_mut().enumerate() {
-            let (z, x, y) = (index % nz, index / nz % nx, index / nz / nx);
-            let across = (x as f32 + 0.5 - nx as f32 / 2.0) / UNIT;
-            let away = (y as f32 + 0.5 - ny as f32 / 2.0) / UNIT;
-            *value = match channel {
-                0..8 => {
-                    let [dy, dx, dz] = [channel >> 2 & 1, channel >> 1 & 1, channel & 1];
-                    hull[((2 * z + dz) * 2 * ny + 2 * y + dy) * 2 * nx + 2 * x + dx]
-                }
-                8 => -1.0 + 2.0 * z as f32 / (nz - 1) as f32,
-                9 => across,
-                10 => away,
-                11 => across.hypot(away),
-                12 => views as f32 / 8.0,
-                13 => 1.0 / views as f32,
-                _ => 0.0,
-            };
+    let across = (x as f32 + 0.5 - nx as f32 / 2.0) / UNIT;
+    let away = (y as f32 + 0.5 - ny as f32 / 2.0) / UNIT;
+    array::from_fn(|channel| match channel {
+        0..8 => {
+            let [dy, dx, dz] = [channel >> 2 & 1, channel >> 1 & 1, channel & 1];
+            hull[((2 * z + dz) * 2 * ny + 2 * y + dy) * 2 * nx + 2 * x + dx]
         }
-    });
-    extra
+        8 => -1.0 + 2.0 * z as f32 / (nz - 1) as f32,
+        9 => across,
+        10 => away,
+        11 => libm::hypotf(across, away),
+        12 => views as f32 / 8.0,
+        13 => 1.0 / views as f32,
+        _ => 0.0,
+    })
 }

@@ -1,102 +1,164 @@
-//! The two graphs and their weights.
+//! The two networks, layer by layer as in `training/model.py`.
 
-use std::sync::Arc;
+use progress::Observer;
 
-use tract_linalg::multithread::{Executor, multithread_tract_scope};
-use tract_onnx::pb::ModelProto;
-use tract_onnx::prelude::*;
-
-use super::lifting::{EXTRAS, Lifted};
-use super::sampling::{Sampled, UP};
-use super::{Grid, PriorError};
+use super::PriorError;
+use super::convolution::{Convolution, Ending, Upsampling};
+use super::sampling::Sampled;
+use super::tensor::Tensor;
+use super::weights::Weights;
 
 /// Features a view and voxel.
 pub(crate) const FEATURES: usize = 24;
 
-const ENCODER: &[u8] = include_bytes!("../weights/encoder.onnx");
-const VOLUME: &[u8] = include_bytes!("../weights/volume.onnx");
+const WEIGHTS: &[u8] = include_bytes!("../weights/prior.safetensors");
 
-/// Both graphs as read; they are fitted to a grid when it is known.
-pub(crate) struct Network {
-    encoder: ModelProto,
-    volume: ModelProto,
-}
+const RELU: Ending<'static> = Ending { skip: None, relu: true };
+const LINEAR: Ending<'static> = Ending { skip: None, relu: false };
 
-type Plan = Arc<TypedRunnableModel>;
-
-/// The encoder for one size of drawings.
+/// Drawings to features, a two-dimensional U-Net.
 pub(crate) struct Encoder {
-    plan: Plan,
+    stem: [Convolution; 3],
+    residual: Residual,
+    net: UNet,
 }
 
-fn failed(error: impl std::fmt::Display) -> PriorError {
-    PriorError::Network(error.to_string())
+/// Features of all views to logits, a three-dimensional U-Net.
+pub(crate) struct Volume {
+    /// Of each view on its own.
+    pub fusion: Fusion,
+    residual: Residual,
+    net: UNet,
 }
 
-impl Network {
-    pub(crate) fn load() -> Result<Self, PriorError> {
-        let read = |bytes: &[u8]| tract_onnx::onnx().proto_model_for_read(&mut &bytes[..]);
-        Ok(Self { encoder: read(ENCODER).map_err(failed)?, volume: read(VOLUME).map_err(failed)? })
-    }
+/// How the features of views become one.
+pub(crate) struct Fusion {
+    /// By feature, then by what is known of the place.
+    pub position: Vec<f32>,
+    pub mix: Convolution,
+    /// By feature, and the bias.
+    pub score: (Vec<f32>, f32),
+    /// Reads the mean, the maximum and what is told besides.
+    pub joined: Convolution,
+}
 
-    /// The encoder for the drawings of `grid`.
-    pub(crate) fn encoder(&self, grid: &Grid) -> Result<Encoder, PriorError> {
-        let shape = [1, 2, grid.size[2] * UP, grid.view_columns() * UP];
-        Ok(Encoder { plan: plan(&self.encoder, &[&shape])? })
-    }
+/// Two convolutions beside a shortcut.
+struct Residual {
+    first: Convolution,
+    second: Convolution,
+}
 
-    /// Logits at twice the grid, eight channels a voxel, by Y, X, Z.
-    pub(crate) fn volume(
-        &self,
-        grid: &Grid,
-        views: usize,
-        lifted: Lifted,
-    ) -> Result<Vec<f32>, PriorError> {
-        let [nx, ny, nz] = grid.size;
-        let shapes: [&[usize]; 3] =
-            [&[views, FEATURES, ny, nx, nz], &[views, 4, ny, nx, 1], &[1, EXTRAS, ny, nx, nz]];
-        let plan = plan(&self.volume, &shapes)?;
-        // tract holds thread-local scratch while rayon waits: in a pool of its own
-        // no other inference can be taken up meanwhile on the same thread.
-        let threads = rayon::current_num_threads();
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(failed)?;
-        pool.install(|| {
-            let inputs = shapes.iter().zip([lifted.features, lifted.position, lifted.extra]);
-            let inputs =
-                inputs.map(|(shape, values)| tensor(shape, values)).collect::<Result<_, _>>()?;
-            run(&plan, inputs, Executor::RayonGlobal)
-        })
-    }
+/// Three times halved, then doubled again, with a shortcut at each size.
+struct UNet {
+    down: Vec<(Convolution, Vec<Residual>)>,
+    up: Vec<(Upsampling, Residual)>,
+    out: Convolution,
+}
+
+/// Reads both networks.
+pub(crate) fn load() -> Result<(Encoder, Volume), PriorError> {
+    let weights = Weights::read(WEIGHTS)?;
+    let layer = |name: &str, stride| weights.convolution(name, stride);
+    let encoder = Encoder {
+        stem: [
+            layer("encoder.stem.0", 2)?,
+            layer("encoder.stem.1", 1)?,
+            layer("encoder.stem.2", 2)?,
+        ],
+        residual: Residual::read(&weights, "encoder.stem.3")?,
+        net: UNet::read(&weights, "encoder", [1, 2, 2])?,
+    };
+    let score = weights.weights("volume.score")?.1;
+    let fusion = Fusion {
+        position: weights.weights("volume.pos")?.1,
+        mix: layer("volume.mix", 1)?,
+        score: (score, weights.bias("volume.score", 1)?[0]),
+        joined: layer("volume.inp", 1)?,
+    };
+    let volume = Volume {
+        fusion,
+        residual: Residual::read(&weights, "volume.e0")?,
+        net: UNet::read(&weights, "volume", [1, 1, 1])?,
+    };
+    Ok((encoder, volume))
 }
 
 impl Encoder {
-    /// Features by channel, row and column of voxels.
-    pub(crate) fn features(&self, image: &Sampled) -> Result<Vec<f32>, PriorError> {
-        let input = tensor(&[1, 2, image.rows, image.columns], image.values.clone())?;
-        // Views run side by side: each on one thread.
-        run(&self.plan, tvec![input], Executor::SingleThread)
+    /// Features by row and column of voxels.
+    pub(crate) fn features(
+        &self,
+        image: &Sampled,
+        observer: &dyn Observer,
+    ) -> Result<Tensor, PriorError> {
+        let mut values = image.as_tensor();
+        for layer in &self.stem {
+            values = layer.run(&values, RELU);
+        }
+        self.net.run(self.residual.run(&values), observer)
     }
 }
 
-fn plan(graph: &ModelProto, shapes: &[&[usize]]) -> Result<Plan, PriorError> {
-    let build = || -> TractResult<Plan> {
-        let mut model = tract_onnx::onnx().model_for_proto_model(graph)?;
-        for (input, shape) in shapes.iter().enumerate() {
-            model.set_input_fact(input, f32::fact(*shape).into())?;
+impl Volume {
+    /// Eight logits a voxel, of `joined` features.
+    pub(crate) fn logits(
+        &self,
+        joined: &Tensor,
+        observer: &dyn Observer,
+    ) -> Result<Tensor, PriorError> {
+        self.net.run(self.residual.run(joined), observer)
+    }
+}
+
+impl Residual {
+    fn read(weights: &Weights<'_>, name: &str) -> Result<Self, PriorError> {
+        let layer = |part: &str| weights.convolution(&format!("{name}.{part}"), 1);
+        Ok(Self { first: layer("a")?, second: layer("b")? })
+    }
+
+    fn run(&self, input: &Tensor) -> Tensor {
+        let inner = self.first.run(input, RELU);
+        self.second.run(&inner, Ending { skip: Some(input), relu: true })
+    }
+}
+
+impl UNet {
+    /// * `residuals`: how many there are at each smaller size.
+    fn read(weights: &Weights<'_>, name: &str, residuals: [usize; 3]) -> Result<Self, PriorError> {
+        let down = residuals.iter().enumerate().map(|(level, &count)| {
+            let halved = weights.convolution(&format!("{name}.down.{level}.0"), 2)?;
+            let residual = |part| Residual::read(weights, &format!("{name}.down.{level}.{part}"));
+            Ok((halved, (1..=count).map(residual).collect::<Result<_, _>>()?))
+        });
+        let up = (0..residuals.len()).map(|level| {
+            let doubled = weights.upsampling(&format!("{name}.up.{level}.c"))?;
+            Ok((doubled, Residual::read(weights, &format!("{name}.res.{level}"))?))
+        });
+        Ok(Self {
+            down: down.collect::<Result<_, PriorError>>()?,
+            up: up.collect::<Result<_, PriorError>>()?,
+            out: weights.convolution(&format!("{name}.out"), 1)?,
+        })
+    }
+
+    fn run(&self, input: Tensor, observer: &dyn Observer) -> Result<Tensor, PriorError> {
+        let mut sizes = Vec::with_capacity(self.down.len());
+        let mut values = input;
+        for (halved, residuals) in &self.down {
+            observer.check()?;
+            let smaller = halved.run(&values, RELU);
+            sizes.push(std::mem::replace(&mut values, smaller));
+            for residual in residuals {
+                values = residual.run(&values);
+            }
         }
-        model.into_optimized()?.into_runnable()
-    };
-    build().map_err(failed)
-}
-
-fn tensor(shape: &[usize], values: Vec<f32>) -> Result<TValue, PriorError> {
-    let array = tract_ndarray::ArrayD::from_shape_vec(shape, values).map_err(failed)?;
-    Ok(Tensor::from(array).into_tvalue())
-}
-
-/// Runs `plan` on as many threads as `executor` says.
-fn run(plan: &Plan, inputs: TVec<TValue>, executor: Executor) -> Result<Vec<f32>, PriorError> {
-    let outputs = multithread_tract_scope(executor, || plan.run(inputs)).map_err(failed)?;
-    let view = outputs[0].to_plain_array_view::<f32>().map_err(failed)?;
-    Ok(view.iter().copied().collect())
+        for (doubled, residual) in &self.up {
+            observer.check()?;
+            let skip = sizes.pop();
+            values = doubled.run(&values, Ending { skip: skip.as_ref(), relu: true });
+            drop(skip);
+            values = residual.run(&values);
+        }
+        observer.check()?;
+        Ok(self.out.run(&values, LINEAR))
+    }
 }

@@ -1,5 +1,6 @@
 //! Drawings at the resolution that the network is trained for.
 
+use super::tensor::Tensor;
 use super::{Grid, PriorInput, PriorView};
 
 /// Pixels of a sampled drawing a voxel.
@@ -9,12 +10,22 @@ const SAMPLES: usize = 3;
 
 /// One view about the grid: ink, then mask, row by row.
 pub(crate) struct Sampled {
-    pub columns: usize,
-    pub rows: usize,
-    pub values: Vec<f32>,
+    columns: usize,
+    rows: usize,
+    values: Vec<f32>,
 }
 
 impl Sampled {
+    /// Ink and mask of a pixel side by side.
+    pub(crate) fn as_tensor(&self) -> Tensor {
+        let (ink, mask) = self.values.split_at(self.columns * self.rows);
+        Tensor {
+            size: [1, self.rows, self.columns],
+            channels: 2,
+            values: ink.iter().zip(mask).flat_map(|(&ink, &mask)| [ink, mask]).collect(),
+        }
+    }
+
     /// The filled outline alone.
     pub(crate) fn mask(&self) -> &[f32] {
         &self.values[self.columns * self.rows..]

@@ -78,6 +78,18 @@ impl Observer for Silent {
     }
 }
 
+/// Asks another observer whether to stop, and tells it nothing: for work that
+/// is done again.
+pub struct Unreported<'a>(pub &'a dyn Observer);
+
+impl Observer for Unreported<'_> {
+    fn progress(&self, _: Progress) {}
+
+    fn is_cancelled(&self) -> bool {
+        self.0.is_cancelled()
+    }
+}
+
 /// Passes a part's progress on as its share of the whole work.
 pub struct Share<'a> {
     whole: &'a dyn Observer,

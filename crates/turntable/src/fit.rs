@@ -3,6 +3,7 @@
 use evaluation::compare_silhouettes;
 use image::{GrayImage, Luma, Rgb, RgbImage};
 use imageproc::distance_transform::euclidean_squared_distance_transform;
+use mesh::Mesh;
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -89,6 +90,18 @@ pub fn redraw(draft: &Draft<'_>) -> Vec<Redrawn> {
     let rig = Rig::of_views(&draft.views);
     let views: Vec<usize> = (0..draft.views.views().len()).collect();
     views.par_iter().map(|&index| redrawn(draft, &rig, index)).collect()
+}
+
+/// The worst view's agreement of the silhouettes of `mesh` with the drawings',
+/// intersection over union, holes filled in both.
+pub(crate) fn worst_silhouette_iou(mesh: &Mesh, rig: &Rig, silhouettes: &[Silhouette]) -> f64 {
+    let of_view = |(index, silhouette): (usize, &Silhouette)| {
+        let drawn = shown(silhouette);
+        let buffer = DepthBuffer::of_view(mesh, rig, index, 1.0);
+        let ours = mask_of(&buffer, drawn.dimensions());
+        compare_silhouettes(&ours, &drawn).map_or(0.0, |found| found.iou)
+    };
+    silhouettes.par_iter().enumerate().map(of_view).reduce(|| 1.0, f64::min)
 }
 
 fn redrawn(draft: &Draft<'_>, rig: &Rig, index: usize) -> Redrawn {

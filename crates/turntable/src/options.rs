@@ -151,7 +151,8 @@ pub struct SolidOptions {
     /// Whether depth maps carve the solid.
     pub fusion: bool,
     /// Whether what a network learned from random shapes decides what the
-    /// drawings leave open; by itself unless that leaves outlines uncovered.
+    /// drawings leave open; by itself unless the solid, drawn again, then leaves
+    /// outlines uncovered or has steps where no line is drawn.
     pub prior: Switch,
     /// Cells along the solid's longest side, at least a pixel each.
     #[schemars(range(min = 16, max = 512))]
@@ -178,7 +179,7 @@ impl Default for SolidOptions {
             drop_ghosts: true,
             parts: true,
             fusion: true,
-            prior: Switch::Off,
+            prior: Switch::Auto,
             resolution: 192,
             target_faces: 10_000,
             tolerance_px: 0.25,

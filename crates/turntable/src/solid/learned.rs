@@ -12,7 +12,8 @@ use super::{fusion, hull_plane};
 use crate::surface::field::{Field, Lattice, Plane};
 use crate::views::ViewSet;
 
-/// What the prior says of the subject on `sheet`, mirrored views among the drawn.
+/// What the prior says of the subject on `sheet`, of drawn views alone: mirrored
+/// ones tell it nothing that it does not know.
 pub(super) fn logits(
     sheet: &SolidSheet,
     views: &ViewSet,
@@ -20,16 +21,16 @@ pub(super) fn logits(
 ) -> Result<LogitField, PriorError> {
     static PRIOR: OnceLock<Option<Prior>> = OnceLock::new();
     let loaded = PRIOR.get_or_init(|| Prior::load().ok()).as_ref();
-    let prior = loaded.ok_or_else(|| PriorError::Network("the weights".to_owned()))?;
-    let masks: Vec<Vec<f32>> =
-        sheet.views.iter().map(|view| coverage(sheet, &view.outline)).collect();
-    let ink: Vec<Vec<f32>> = sheet.views.iter().map(|view| darkness(sheet, views, view)).collect();
+    let prior = loaded.ok_or_else(|| PriorError::Weights("the file".to_owned()))?;
+    let drawn = || sheet.views.iter().filter(|view| view.mirror_sum_px.is_none());
+    let masks: Vec<Vec<f32>> = drawn().map(|view| coverage(sheet, &view.outline)).collect();
+    let ink: Vec<Vec<f32>> = drawn().map(|view| darkness(views, view)).collect();
     let of_view = |((view, mask), ink): ((&SolidView, _), _)| -> PriorView<'_> {
         let (mask, ink): (&Vec<f32>, &Vec<f32>) = (mask, ink);
         PriorView { azimuth_rad: view.outline.azimuth_rad, mask, ink }
     };
     let input = PriorInput {
-        views: sheet.views.iter().zip(&masks).zip(&ink).map(of_view).collect(),
+        views: drawn().zip(&masks).zip(&ink).map(of_view).collect(),
         size: (sheet.width, sheet.height),
         axis_px: sheet.axis_px,
         origin_row_px: sheet.origin_row_px,
@@ -54,29 +55,21 @@ fn coverage(sheet: &SolidSheet, outline: &Outline) -> Vec<f32> {
     mask
 }
 
-/// How dark the drawing is at each pixel, mirrored as the view is.
-fn darkness(sheet: &SolidSheet, views: &ViewSet, view: &SolidView) -> Vec<f32> {
+/// How dark the view's drawing is at each pixel.
+fn darkness(views: &ViewSet, view: &SolidView) -> Vec<f32> {
     let image = views.views()[view.drawing].image.as_raw();
-    let dark: Vec<f32> = image.iter().map(|&level| 1.0 - f32::from(level) / 255.0).collect();
-    let Some(sum_px) = view.mirror_sum_px else { return dark };
-    let mut mirrored = vec![0.0; dark.len()];
-    // The column whose centre shows what column 0 does, and so on leftward.
-    let first = sum_px + 2.0 * sheet.axis_px - 1.0;
-    for (out, row) in mirrored.chunks_exact_mut(sheet.width).zip(dark.chunks_exact(sheet.width)) {
-        let at = |x: f64| if x >= 0.0 { row.get(x as usize).copied().unwrap_or(0.0) } else { 0.0 };
-        for (x, value) in out.iter_mut().enumerate() {
-            let source = first - x as f64;
-            let share = (source - source.floor()) as f32;
-            *value = at(source.floor()) * (1.0 - share) + at(source.floor() + 1.0) * share;
-        }
-    }
-    mirrored
+    image.iter().map(|&level| 1.0 - f32::from(level) / 255.0).collect()
 }
 
 /// How much more the prior must say against the solid than for it, logits.
 const MARGIN: f32 = 2.0;
 /// How much more that is where depth maps had their say.
 const DEPTH_GAIN: f32 = 2.0;
+/// The same where lines show most corners of a slice: its walls are known.
+const DRAWN_GAIN: f32 = 6.0;
+/// From the first share of drawn corners on that is said to some degree, from
+/// the second on wholly.
+const DRAWN_SHARES: (f32, f32) = (0.6, 0.9);
 /// The distance from the solid's surface from which on the margin is whole,
 /// nodes of the lattice.
 const RAMP: f32 = 3.0;
@@ -86,14 +79,17 @@ const PITCHES_PER_LOGIT: f32 = 0.7;
 /// The solid and the prior as one field.
 ///
 /// Signed distances of `field` become logits of at most [`MARGIN`] and are added
-/// to the prior's, of more where depth maps had their say (`has_depth`); nothing
-/// lies beyond the sections of `slices`.
+/// to the prior's, of more where depth maps had their say (`has_depth`) and where
+/// lines show the corners of a slice; nothing lies beyond the sections of `slices`.
+///
+/// * `drawn`: per slice, the share of its corners that are drawn as lines.
 pub(super) fn blend(
     field: &Field,
     slices: &[Slice],
     directions: &[Outline],
     logits: &LogitField,
     has_depth: bool,
+    drawn: &[f32],
 ) -> Field {
     use rayon::prelude::*;
     let lattice = field.lattice;
@@ -104,6 +100,10 @@ pub(super) fn blend(
     let blended = |(k, (plane, hull)): (usize, (&Plane, &Plane))| {
         let mut out = Plane { creases: plane.creases.clone(), ..hull.clone() };
         let z = lattice.z(k);
+        let (low, high) = DRAWN_SHARES;
+        let known =
+            drawn.get(k).map_or(0.0, |share| ((share - low) / (high - low)).clamp(0.0, 1.0));
+        let margin = margin * (1.0 + (DRAWN_GAIN - 1.0) * known);
         for (index, value) in out.values.iter_mut().enumerate() {
             if *value > 0.0 {
                 let (i, j) = hull.node(index);

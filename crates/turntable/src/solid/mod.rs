@@ -22,6 +22,7 @@ mod voxel;
 use nalgebra::{Point2, Point3};
 
 use crate::depth_map::DepthMap;
+use crate::fit;
 pub use crate::options::{Holes, SolidKind, SolidOptions, Switch};
 use crate::silhouette::Silhouettes;
 use crate::surface::field::{Field, Lattice, Plane};
@@ -39,7 +40,7 @@ use mesh::shading::{CREASE_ANGLE_DEG, crease_edges};
 use mesh::{Mesh, components};
 use outline::Outline;
 use prior::PriorError;
-use progress::{Cancelled, Observer, Stage, Steps};
+use progress::{Cancelled, Observer, Stage, Steps, Unreported};
 pub use redraw::Explained;
 use solid_views::SolidSheet;
 pub use symmetry::MirrorPlane;
@@ -165,6 +166,13 @@ pub struct SolidInput<'a> {
 const STEPS: usize = 7;
 /// How much less of the outlines the solid with the prior may cover, IoU.
 const MAX_LOST_SILHOUETTE: f64 = 0.03;
+/// How many more of its steps in depth may have no ink on them, share.
+const MAX_BARE_STEPS: f64 = 0.05;
+/// A solid with holes that covers less of some drawing's outline, IoU, is held
+/// against one without.
+const MIN_COVER: f64 = 0.95;
+/// The holes are none if without them so much more is covered, IoU.
+const MIN_COVER_GAIN: f64 = 0.03;
 /// Fewer triangles bound no shape worth having.
 const MIN_TARGET_FACES: usize = 100;
 
@@ -178,15 +186,26 @@ pub fn build(
     options: &SolidOptions,
     observer: &dyn Observer,
 ) -> Result<Solid, SolidError> {
-    let mut report = SolidReport::default();
     let steps = Steps::new(observer, Stage::Solid, STEPS);
     steps.done(0, "")?;
-    let sheet = prepared_sheet(input, options, &mut report);
-    let full = full_mesh(&sheet, input, options, &steps, observer, &mut report)?;
-    let (full, pieces) = components::without_floaters(&full, options.min_piece_percent / 100.0);
-    report.pieces = pieces;
-    if full.triangles.is_empty() {
-        return Err(SolidError::Empty);
+    let Full { mut sheet, mesh: mut full, mut report } = full(input, options, &steps, observer)?;
+    let rig = Rig::of_views(input.views);
+    let cover = |mesh| fit::worst_silhouette_iou(mesh, &rig, &input.silhouettes.silhouettes);
+    if options.holes == Holes::Auto && !report.holes.is_empty() {
+        let with_holes = cover(&full);
+        if with_holes < MIN_COVER {
+            let options = SolidOptions { holes: Holes::Off, ..options.clone() };
+            let again = Unreported(observer);
+            let steps = Steps::new(&again, Stage::Solid, STEPS);
+            let closed = self::full(input, &options, &steps, &again)?;
+            if cover(&closed.mesh) > with_holes + MIN_COVER_GAIN {
+                let mut candidates = std::mem::take(&mut report.holes);
+                candidates.append(&mut report.hole_candidates);
+                Full { sheet, mesh: full, report } = closed;
+                candidates.retain(|hole| !report.holes.contains(hole));
+                report.hole_candidates = candidates;
+            }
+        }
     }
     steps.done(5, "surface")?;
     let mesh = decimate::decimated(
@@ -199,6 +218,30 @@ pub fn build(
     let support = support_of(&mesh, input, &sheet);
     steps.done(STEPS, "support")?;
     Ok(Solid { creases: crease_edges(&mesh, CREASE_ANGLE_DEG), support, mesh, report })
+}
+
+/// The solid before it is decimated.
+struct Full {
+    sheet: SolidSheet,
+    mesh: Mesh,
+    report: SolidReport,
+}
+
+fn full(
+    input: &SolidInput<'_>,
+    options: &SolidOptions,
+    steps: &Steps<'_>,
+    observer: &dyn Observer,
+) -> Result<Full, SolidError> {
+    let mut report = SolidReport::default();
+    let sheet = prepared_sheet(input, options, &mut report);
+    let full = full_mesh(&sheet, input, options, steps, observer, &mut report)?;
+    let (mesh, pieces) = components::without_floaters(&full, options.min_piece_percent / 100.0);
+    report.pieces = pieces;
+    if mesh.triangles.is_empty() {
+        return Err(SolidError::Empty);
+    }
+    Ok(Full { sheet, mesh, report })
 }
 
 /// The views with their holes cut out, and mirrored ones.
@@ -272,7 +315,7 @@ fn full_mesh(
         report.parts = parts::cut_parts(&mut slices, &directions, &evidence, lattice.pitch_px);
     }
     steps.done(2, "slices")?;
-    let outlines = outlines_of(sheet, &slices, &lattice, options, report);
+    let (outlines, drawn) = outlines_of(sheet, &slices, &lattice, options, report);
     steps.done(3, "creases")?;
     let mut field = field_of(lattice, outlines);
     if options.fusion && options.kind == SolidKind::Creased && !input.depth_maps.is_empty() {
@@ -287,7 +330,7 @@ fn full_mesh(
     let (mesh, full_faces) = if asks {
         let has_depth = report.carving_views > 0;
         let logits = learned::logits(sheet, input.views, observer)?;
-        let blended = learned::blend(&field, &slices, &directions, &logits, has_depth);
+        let blended = learned::blend(&field, &slices, &directions, &logits, has_depth, &drawn);
         let with = surface_of(&blended, options);
         if options.prior == Switch::On {
             report.prior = Some(PriorReport { used: true, without: None, with: None });
@@ -297,7 +340,8 @@ fn full_mesh(
             let rig = Rig::of_views(input.views);
             let explained = |mesh: &Mesh| redraw::explained(mesh, &rig, sheet, input.silhouettes);
             let scores = (explained(&without.0), explained(&with.0));
-            let used = scores.1.silhouettes >= scores.0.silhouettes - MAX_LOST_SILHOUETTE;
+            let used = scores.1.silhouettes >= scores.0.silhouettes - MAX_LOST_SILHOUETTE
+                && scores.1.steps >= scores.0.steps - MAX_BARE_STEPS;
             report.prior =
                 Some(PriorReport { used, without: Some(scores.0), with: Some(scores.1) });
             if used { with } else { without }
@@ -392,13 +436,15 @@ struct SliceOutlines {
     creases: Vec<Point2<f64>>,
 }
 
+/// The outlines of the slices, and per slice the share of its corners that are
+/// drawn as lines, averaged over the slices about it.
 fn outlines_of(
     sheet: &SolidSheet,
     slices: &[Slice],
     lattice: &Lattice,
     options: &SolidOptions,
     report: &mut SolidReport,
-) -> Vec<SliceOutlines> {
+) -> (Vec<SliceOutlines>, Vec<f32>) {
     let sharp: Vec<Vec<Vec<bool>>> = if options.kind == SolidKind::Creased && options.creases {
         let window_px = CREASE_WINDOW * slices.len() as f64 * lattice.pitch_px;
         let evidence = sheet.ink_evidence();
@@ -418,7 +464,21 @@ fn outlines_of(
             creases: corners.filter(|(_, sharp)| **sharp).map(|(corner, _)| *corner).collect(),
         }
     });
-    outlines.collect()
+    let outlines = outlines.collect();
+    let counts: Vec<[usize; 2]> = sharp
+        .iter()
+        .map(|slice| {
+            let all = || slice.iter().flatten();
+            [all().filter(|&&sharp| sharp).count(), all().count()]
+        })
+        .collect();
+    let reach = (CREASE_WINDOW * slices.len() as f64 / 2.0).ceil() as usize;
+    let share = |k: usize| {
+        let near = &counts[k.saturating_sub(reach)..(k + reach + 1).min(counts.len())];
+        let sum = |index: usize| near.iter().map(|count| count[index]).sum::<usize>() as f32;
+        sum(0) / sum(1).max(1.0)
+    };
+    (outlines, (0..counts.len()).map(share).collect())
 }
 
 fn field_of(lattice: Lattice, outlines: Vec<SliceOutlines>) -> Field {
