@@ -3,14 +3,16 @@
 use std::borrow::Cow;
 
 use frames::{Azimuth, NotFinite};
-use progress::{Cancelled, Observer, Share, Stage, Steps};
+use progress::{Cancelled, Observer, Share, Stage, Steps, Unreported};
 use sheet::{HoleDocument, Sheet};
 
 use crate::depth::{self, DepthError, ViewDepth};
+use crate::fit;
 use crate::options::TurntableOptions;
 use crate::registration::{self, ViewRegistration};
 use crate::silhouette::{SilhouetteError, Silhouettes};
 use crate::solid::{self, HoleHint, Solid, SolidError, SolidInput, ViewDepthMap};
+use crate::surface::projection::Rig;
 use crate::views::{ViewSet, ViewSetError};
 
 /// What the method finds.
@@ -119,32 +121,83 @@ pub fn reconstruct<'a>(
     options: &TurntableOptions,
     observer: &dyn Observer,
 ) -> Result<Draft<'a>, DraftError> {
-    let (views, silhouettes, registrations) = registered(view_set(sheet)?, options)?;
+    let (views, silhouettes, mut registrations) = registered(view_set(sheet)?, options)?;
     let share = Share::new(observer, 0.0, SILHOUETTES);
     Steps::new(&share, Stage::Silhouettes, 1).done(1, "silhouettes")?;
     let share = Share::new(observer, SILHOUETTES, DEPTHS);
     let estimates = depth::estimate(&views, &silhouettes, &options.depth, &share)?;
     let hole_hints = hole_hints(holes)?;
-    let (agreeing, outlines) = agreeing(&views, &silhouettes, &registrations);
-    let depth_maps: Vec<ViewDepthMap<'_>> = estimates
-        .iter()
-        .zip(&registrations)
-        .filter(|(_, found)| !found.contradicts)
-        .filter_map(|(view, _)| {
-            Some(ViewDepthMap { azimuth: view.azimuth, map: view.map.as_ref().ok()? })
-        })
-        .collect();
-    let input = SolidInput {
-        views: &agreeing,
-        silhouettes: &outlines,
-        depth_maps: &depth_maps,
-        hole_hints: &hole_hints,
+    let build = |registrations: &[ViewRegistration], observer: &dyn Observer| {
+        let (agreeing, outlines) = agreeing(&views, &silhouettes, registrations);
+        let estimates = estimates.iter().zip(registrations);
+        let depth_maps: Vec<ViewDepthMap<'_>> = estimates
+            .filter(|(_, found)| !found.contradicts)
+            .filter_map(|(view, _)| {
+                Some(ViewDepthMap { azimuth: view.azimuth, map: view.map.as_ref().ok()? })
+            })
+            .collect();
+        let input = SolidInput {
+            views: &agreeing,
+            silhouettes: &outlines,
+            depth_maps: &depth_maps,
+            hole_hints: &hole_hints,
+        };
+        solid::build(&input, &options.solid, observer)
     };
-    let solid = solid::build(&input, &options.solid, &Share::new(observer, DEPTHS, 1.0))?;
-    drop(agreeing);
+    let mut solid = build(&registrations, &Share::new(observer, DEPTHS, 1.0))?;
+    let rig = Rig::of_views(&views);
+    let ious = |solid: &Solid| fit::silhouette_ious(&solid.mesh, &rig, &silhouettes.silhouettes);
+    let mut known = ious(&solid);
+    while let Some(fewer) = without_misfits(&registrations, &known) {
+        let again = match build(&fewer, &Unreported(observer)) {
+            Ok(again) => again,
+            Err(SolidError::Cancelled(cancelled)) => return Err(cancelled.into()),
+            // Too little is left to make a solid of.
+            Err(_) => break,
+        };
+        let found = ious(&again);
+        if mean_of_kept(&found, &fewer) < mean_of_kept(&known, &fewer) + MIN_GAIN {
+            break;
+        }
+        (solid, known, registrations) = (again, found, fewer);
+    }
     let from = options.depth.from;
     let depths = depth::read_depth(&solid.mesh, &views, &silhouettes, estimates, from);
     Ok(Draft { views, registrations, silhouettes, depths, solid })
+}
+
+/// A view that the draft, drawn again, fits worse than this contradicts others,
+/// IoU of the silhouettes.
+const MISFIT: f64 = 0.8;
+/// Leaving views out must make the others fit so much better, mean IoU.
+const MIN_GAIN: f64 = 0.03;
+/// The solid keeps at least as many views.
+const MIN_KEPT: usize = 3;
+
+/// The views that fit worst taken for contradicting, if others are left: all
+/// misfits, or the worst of them where they are too many.
+fn without_misfits(
+    registrations: &[ViewRegistration],
+    ious: &[f64],
+) -> Option<Vec<ViewRegistration>> {
+    let kept = |index: &usize| !registrations[*index].contradicts;
+    let mut order: Vec<usize> = (0..registrations.len()).filter(kept).collect();
+    order.sort_by(|&a, &b| ious[a].total_cmp(&ious[b]));
+    let misfits = order.iter().take_while(|&&index| ious[index] < MISFIT).count();
+    let most = order.len().saturating_sub(MIN_KEPT.max(order.len() / 2));
+    let left_out = &order[..misfits.min(most)];
+    if left_out.is_empty() {
+        return None;
+    }
+    let mut fewer = registrations.to_vec();
+    left_out.iter().for_each(|&index| fewer[index].contradicts = true);
+    Some(fewer)
+}
+
+fn mean_of_kept(ious: &[f64], registrations: &[ViewRegistration]) -> f64 {
+    let kept = ious.iter().zip(registrations).filter(|(_, found)| !found.contradicts);
+    let kept: Vec<f64> = kept.map(|(&iou, _)| iou).collect();
+    kept.iter().sum::<f64>() / kept.len().max(1) as f64
 }
 
 /// What the solid is made of: views that contradict the others would carve
@@ -200,4 +253,38 @@ fn hole_hints(holes: &[HoleDocument]) -> Result<Vec<HoleHint>, NotFinite> {
         Ok(HoleHint { azimuth, x_px: hole.x, y_px: hole.y })
     };
     holes.iter().map(hint).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn azimuth() -> Azimuth {
+        Azimuth::from_degrees(0.0).unwrap()
+    }
+
+    fn left_out(ious: &[f64], contradicting: &[usize]) -> Option<Vec<usize>> {
+        let mut registrations = vec![ViewRegistration::agreeing(azimuth()); ious.len()];
+        contradicting.iter().for_each(|&index| registrations[index].contradicts = true);
+        let fewer = without_misfits(&registrations, ious)?;
+        Some((0..ious.len()).filter(|&index| fewer[index].contradicts).collect())
+    }
+
+    #[test]
+    fn views_that_fit_badly_are_left_out_while_others_remain() {
+        assert_eq!(left_out(&[0.95, 0.9, 0.97, 0.85], &[]), None);
+        assert_eq!(left_out(&[0.95, 0.5, 0.97, 0.9], &[]), Some(vec![1]));
+        // Half of the views stay, and three at least.
+        assert_eq!(left_out(&[0.5, 0.6, 0.7, 0.55, 0.9, 0.9], &[]), Some(vec![0, 1, 3]));
+        assert_eq!(left_out(&[0.95, 0.5, 0.97], &[]), None);
+        // One that is out already is no more asked.
+        assert_eq!(left_out(&[0.95, 0.5, 0.97, 0.9, 0.7], &[1]), Some(vec![1, 4]));
+    }
+
+    #[test]
+    fn the_mean_is_of_kept_views() {
+        let mut registrations = vec![ViewRegistration::agreeing(azimuth()); 3];
+        registrations[1].contradicts = true;
+        assert!((mean_of_kept(&[0.8, 0.1, 0.9], &registrations) - 0.85).abs() < 1e-12);
+    }
 }

@@ -92,16 +92,16 @@ pub fn redraw(draft: &Draft<'_>) -> Vec<Redrawn> {
     views.par_iter().map(|&index| redrawn(draft, &rig, index)).collect()
 }
 
-/// The worst view's agreement of the silhouettes of `mesh` with the drawings',
-/// intersection over union, holes filled in both.
-pub(crate) fn worst_silhouette_iou(mesh: &Mesh, rig: &Rig, silhouettes: &[Silhouette]) -> f64 {
+/// How the silhouettes of `mesh` agree with those of each drawing, intersection
+/// over union, holes filled in both.
+pub(crate) fn silhouette_ious(mesh: &Mesh, rig: &Rig, silhouettes: &[Silhouette]) -> Vec<f64> {
     let of_view = |(index, silhouette): (usize, &Silhouette)| {
         let drawn = shown(silhouette);
         let buffer = DepthBuffer::of_view(mesh, rig, index, 1.0);
         let ours = mask_of(&buffer, drawn.dimensions());
         compare_silhouettes(&ours, &drawn).map_or(0.0, |found| found.iou)
     };
-    silhouettes.par_iter().enumerate().map(of_view).reduce(|| 1.0, f64::min)
+    silhouettes.par_iter().enumerate().map(of_view).collect()
 }
 
 fn redrawn(draft: &Draft<'_>, rig: &Rig, index: usize) -> Redrawn {

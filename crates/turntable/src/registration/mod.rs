@@ -50,7 +50,7 @@ pub struct ViewRegistration {
 }
 
 impl ViewRegistration {
-    fn agreeing(azimuth: Azimuth) -> Self {
+    pub(crate) fn agreeing(azimuth: Azimuth) -> Self {
         Self {
             azimuth,
             scale: 1.0,

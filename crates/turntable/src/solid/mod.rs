@@ -171,8 +171,10 @@ const MAX_BARE_STEPS: f64 = 0.05;
 /// A solid with holes that covers less of some drawing's outline, IoU, is held
 /// against one without.
 const MIN_COVER: f64 = 0.95;
-/// The holes are none if without them so much more is covered, IoU.
+/// The holes are none if without them so much more is covered, IoU, and if they
+/// leave less than this share of the volume: panels of a solid body, say.
 const MIN_COVER_GAIN: f64 = 0.03;
+const MAX_HOLLOWED: f64 = 0.5;
 /// Fewer triangles bound no shape worth having.
 const MIN_TARGET_FACES: usize = 100;
 
@@ -190,7 +192,10 @@ pub fn build(
     steps.done(0, "")?;
     let Full { mut sheet, mesh: mut full, mut report } = full(input, options, &steps, observer)?;
     let rig = Rig::of_views(input.views);
-    let cover = |mesh| fit::worst_silhouette_iou(mesh, &rig, &input.silhouettes.silhouettes);
+    let cover = |mesh| {
+        let views = fit::silhouette_ious(mesh, &rig, &input.silhouettes.silhouettes);
+        views.into_iter().fold(1.0, f64::min)
+    };
     if options.holes == Holes::Auto && !report.holes.is_empty() {
         let with_holes = cover(&full);
         if with_holes < MIN_COVER {
@@ -198,7 +203,8 @@ pub fn build(
             let again = Unreported(observer);
             let steps = Steps::new(&again, Stage::Solid, STEPS);
             let closed = self::full(input, &options, &steps, &again)?;
-            if cover(&closed.mesh) > with_holes + MIN_COVER_GAIN {
+            let hollow = full.signed_volume() < MAX_HOLLOWED * closed.mesh.signed_volume();
+            if hollow && cover(&closed.mesh) > with_holes + MIN_COVER_GAIN {
                 let mut candidates = std::mem::take(&mut report.holes);
                 candidates.append(&mut report.hole_candidates);
                 Full { sheet, mesh: full, report } = closed;
