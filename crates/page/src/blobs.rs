@@ -1,0 +1,193 @@
+//! Connected parts of ink and colour, joined to drawings.
+
+use subject::raster::{Bits, Component, Raster, filled};
+use subject::{Box2, Marks};
+
+use crate::letters;
+
+/// Parts smaller than this are dirt, share of the figures' height.
+const SPECK: f64 = 0.012;
+/// Parts at least this tall are drawings of their own.
+const OWN: f64 = 0.3;
+/// Small parts up to this far from a drawing are of it, share of its height.
+const NEAR: f64 = 0.05;
+/// Parts up to half its height are of it if they are this near.
+const VERY_NEAR: f64 = 0.025;
+/// Small parts this near each other are one drawing.
+const TOGETHER: f64 = 0.025;
+const ROUNDS: usize = 5;
+
+/// A drawing: parts that belong together.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Blob {
+    pub(crate) bounds: Box2,
+    pub(crate) area: usize,
+}
+
+/// The drawings on a page, working px.
+#[derive(Clone, Debug)]
+pub(crate) struct Blobs {
+    /// Per pixel 0, or one more than its drawing's index.
+    pub(crate) owners: Raster<u16>,
+    pub(crate) list: Vec<Blob>,
+    /// The bounds of words.
+    pub(crate) words: Vec<Box2>,
+}
+
+/// More drawings are not told apart: the smallest are dirt.
+const MOST: usize = 4000;
+
+/// What lines and areas enclose.
+pub(crate) fn inside(marks: &Marks) -> Bits {
+    filled(&marks.lines.clone().or(&marks.areas))
+}
+
+/// The height of the largest part that is no mere line, px.
+pub(crate) fn largest(parts: &[Component]) -> f64 {
+    let is_line = |part: &Component| {
+        let (w, h) = (part.bounds.width(), part.bounds.height());
+        w * 40 < h || h * 40 < w
+    };
+    let size = |b: &Box2| f64::from(b.height()).max(0.4 * f64::from(b.width()));
+    parts.iter().filter(|part| !is_line(part)).map(|p| size(&p.bounds)).fold(1.0, f64::max)
+}
+
+impl Blobs {
+    /// Joins the parts of `inside`; `size` is the figures' height, px.
+    pub(crate) fn of(inside: &Bits, size: f64) -> Self {
+        let parts = inside.components(true);
+        let lettering = letters::find(&parts.parts, size);
+        let count = parts.parts.len();
+        let tall = |k: usize| f64::from(parts.parts[k].bounds.height());
+        let side = |k: usize| tall(k).max(f64::from(parts.parts[k].bounds.width()));
+        let speck = (SPECK * size).max(2.0);
+        let mut drawing: Vec<Option<usize>> = vec![None; count];
+        let mut list: Vec<Blob> = Vec::new();
+        let mut order: Vec<usize> = (0..count).collect();
+        order.sort_by_key(|&k| (std::cmp::Reverse(parts.parts[k].area), k));
+        for &k in order.iter().take(MOST) {
+            if tall(k) >= OWN * size && !lettering.is_letter[k] {
+                drawing[k] = Some(list.len());
+                list.push(Blob { bounds: parts.parts[k].bounds, area: parts.parts[k].area });
+            }
+        }
+        let free =
+            |k: usize, drawing: &[Option<usize>]| drawing[k].is_none() && !lettering.is_letter[k];
+        for _ in 0..ROUNDS {
+            let reach = (NEAR * size).ceil() as u16;
+            let near = nearest(&parts.labels, inside.width, &drawing, reach);
+            let mut changed = false;
+            for k in (0..count).filter(|&k| free(k, &drawing)).collect::<Vec<_>>() {
+                let Some((gap, to)) = near[k] else { continue };
+                if belongs(&parts.parts[k], &list[to], f64::from(gap)) {
+                    drawing[k] = Some(to);
+                    list[to].bounds = list[to].bounds.joined(&parts.parts[k].bounds);
+                    list[to].area += parts.parts[k].area;
+                    changed = true;
+                }
+            }
+            if !changed {
+                break;
+            }
+        }
+        // What is left makes drawings of its own where it is close together.
+        let is_left = |k: usize| free(k, &drawing) && side(k) > speck;
+        let left = parts.select(inside.width, is_left);
+        let reach = (TOGETHER * size / 2.0).max(1.0) as f32;
+        let joined = left.dilated(reach).components(true);
+        let mut own: Vec<Option<usize>> = vec![None; joined.parts.len()];
+        for (at, &label) in parts.labels.iter().enumerate() {
+            if label == 0 || !left.data[at] || list.len() >= MOST {
+                continue;
+            }
+            let k = label as usize - 1;
+            if drawing[k].is_some() {
+                continue;
+            }
+            let to = *own[joined.labels[at] as usize - 1].get_or_insert_with(|| {
+                list.push(Blob { bounds: parts.parts[k].bounds, area: 0 });
+                list.len() - 1
+            });
+            list[to].bounds = list[to].bounds.joined(&parts.parts[k].bounds);
+            list[to].area += parts.parts[k].area;
+            drawing[k] = Some(to);
+        }
+        let owner = |label: &u32| match label.checked_sub(1).and_then(|k| drawing[k as usize]) {
+            Some(to) => to as u16 + 1,
+            None => 0,
+        };
+        let data = parts.labels.iter().map(owner).collect();
+        let owners = Raster { width: inside.width, height: inside.height, data };
+        Self { owners, list, words: lettering.words }
+    }
+
+    /// The pixels of a drawing within its bounds and `pad` bare ones about it.
+    pub(crate) fn pixels(&self, index: usize, pad: usize) -> Bits {
+        pixels(&self.owners, index as u16 + 1, &self.list[index].bounds, pad)
+    }
+}
+
+/// The pixels of one owner within `bounds`, with `pad` bare ones about them.
+pub(crate) fn pixels(owners: &Raster<u16>, owner: u16, bounds: &Box2, pad: usize) -> Bits {
+    let (w, h) = (bounds.width() as usize, bounds.height() as usize);
+    let mut bits = Bits::filled(w + 2 * pad, h + 2 * pad, false);
+    for y in 0..h {
+        let from = (y + bounds.top as usize) * owners.width + bounds.left as usize;
+        let to = (y + pad) * bits.width + pad;
+        let row = owners.data[from..from + w].iter().map(|other| *other == owner);
+        bits.data[to..to + w].iter_mut().zip(row).for_each(|(bit, is)| *bit = is);
+    }
+    bits
+}
+
+/// Whether a part `gap` px from a drawing is of it.
+fn belongs(part: &Component, blob: &Blob, gap: f64) -> bool {
+    let (tall, size) = (f64::from(part.bounds.height()), f64::from(blob.bounds.height()));
+    // What is below the feet is a shadow, a caption or the next row.
+    if f64::from(part.bounds.top) >= f64::from(blob.bounds.bottom) - 0.01 * size {
+        return false;
+    }
+    let reach = if tall < OWN * size { NEAR } else { VERY_NEAR };
+    tall < 0.5 * size && f64::from(part.bounds.width()) < 0.7 * size && gap <= reach * size
+}
+
+/// Per part without a drawing the nearest drawing within `reach` px (counted
+/// as a king moves) and the gap.
+fn nearest(
+    labels: &[u32],
+    width: usize,
+    drawing: &[Option<usize>],
+    reach: u16,
+) -> Vec<Option<(u16, usize)>> {
+    let mut near: Vec<Option<(u16, usize)>> = vec![None; drawing.len()];
+    let mut seen = vec![false; labels.len()];
+    let mut front: Vec<(usize, usize)> = Vec::new();
+    for (at, &label) in labels.iter().enumerate() {
+        if let Some(to) = label.checked_sub(1).and_then(|k| drawing[k as usize]) {
+            seen[at] = true;
+            front.push((at, to));
+        }
+    }
+    let height = labels.len() / width.max(1);
+    for gap in 1..=reach {
+        let mut next = Vec::new();
+        for &(at, to) in &front {
+            let (x, y) = (at % width, at / width);
+            for v in y.saturating_sub(1)..(y + 2).min(height) {
+                for u in x.saturating_sub(1)..(x + 2).min(width) {
+                    let beside = v * width + u;
+                    if seen[beside] {
+                        continue;
+                    }
+                    seen[beside] = true;
+                    if labels[beside] != 0 {
+                        near[labels[beside] as usize - 1].get_or_insert((gap, to));
+                    }
+                    next.push((beside, to));
+                }
+            }
+        }
+        front = next;
+    }
+    near
+}

@@ -1,0 +1,17 @@
+//! How a page is searched.
+
+/// How a page is searched for views.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PageOptions {
+    /// The longest side at which figures are looked for, px; larger pages are
+    /// reduced for it.
+    pub working_side_px: u32,
+    /// More figures than this are refused.
+    pub max_figures: usize,
+}
+
+impl Default for PageOptions {
+    fn default() -> Self {
+        Self { working_side_px: 1200, max_figures: 36 }
+    }
+}
