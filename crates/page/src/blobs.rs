@@ -1,6 +1,6 @@
 //! Connected parts of ink and colour, joined to drawings.
 
-use subject::raster::{Bits, Component, Raster, filled};
+use subject::raster::{Bits, Component, Components, Raster, filled};
 use subject::{Box2, Marks};
 
 use crate::letters;
@@ -37,9 +37,10 @@ pub(crate) struct Blobs {
 /// More drawings are not told apart: the smallest are dirt.
 const MOST: usize = 4000;
 
-/// What lines and areas enclose.
+/// What lines and areas enclose; paper gets in wherever they do not touch, so
+/// that figures next to each other stay apart.
 pub(crate) fn inside(marks: &Marks) -> Bits {
-    filled(&marks.lines.clone().or(&marks.areas))
+    marks.lines.clone().or(&marks.areas).not().reached_from_border().not()
 }
 
 /// The height of the largest part that is no mere line, px.
@@ -71,6 +72,7 @@ impl Blobs {
                 list.push(Blob { bounds: parts.parts[k].bounds, area: parts.parts[k].area });
             }
         }
+        absorb_islands(&parts, inside.width, &mut drawing, &mut list);
         let free =
             |k: usize, drawing: &[Option<usize>]| drawing[k].is_none() && !lettering.is_letter[k];
         for _ in 0..ROUNDS {
@@ -138,6 +140,41 @@ pub(crate) fn pixels(owners: &Raster<u16>, owner: u16, bounds: &Box2, pad: usize
         bits.data[to..to + w].iter_mut().zip(row).for_each(|(bit, is)| *bit = is);
     }
     bits
+}
+
+/// Parts within what a drawing encloses once its smallest openings are shut
+/// are of that drawing.
+fn absorb_islands(
+    parts: &Components,
+    width: usize,
+    drawing: &mut [Option<usize>],
+    list: &mut [Blob],
+) {
+    const PAD: usize = 3;
+    for k in 0..drawing.len() {
+        let Some(to) = drawing[k] else { continue };
+        let bounds = parts.parts[k].bounds;
+        let (w, h) = (bounds.width() as usize, bounds.height() as usize);
+        let at = |x: usize, y: usize| (y + bounds.top as usize) * width + x + bounds.left as usize;
+        let mut own = Bits::filled(w + 2 * PAD, h + 2 * PAD, false);
+        for y in 0..h {
+            for x in 0..w {
+                own.data[(y + PAD) * (w + 2 * PAD) + x + PAD] =
+                    parts.labels[at(x, y)] == k as u32 + 1;
+            }
+        }
+        let enclosed = filled(&own);
+        for y in 0..h {
+            for x in 0..w {
+                let label = parts.labels[at(x, y)] as usize;
+                let inside = enclosed.data[(y + PAD) * (w + 2 * PAD) + x + PAD];
+                if label != 0 && label != k + 1 && inside && drawing[label - 1].is_none() {
+                    drawing[label - 1] = Some(to);
+                    list[to].area += parts.parts[label - 1].area;
+                }
+            }
+        }
+    }
 }
 
 /// Whether a part `gap` px from a drawing is of it.

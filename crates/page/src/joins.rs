@@ -46,9 +46,9 @@ fn cut_one(blobs: &mut Blobs, index: usize, size: f64) -> bool {
         .map(|k| f64::from(blobs.list[k].bounds.width()))
         .collect();
     others.sort_by(f64::total_cmp);
-    let alone = others.len() < 2;
+    let alone = others.is_empty();
     let least = match others.get(others.len() / 2) {
-        Some(usual) if !alone => WIDE * usual,
+        Some(usual) => WIDE * usual,
         _ => f64::from(own.bounds.height()),
     };
     if width < least {

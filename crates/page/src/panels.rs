@@ -16,6 +16,8 @@ const THICKEST: f64 = 0.03;
 const HELD: f64 = 0.25;
 /// Paper between the frame and what it holds, share of its size.
 const MARGIN: f64 = 0.015;
+/// A frame about the whole page has sides of this share of the page's.
+const PAGE: f64 = 0.75;
 /// Frames in frames.
 const ROUNDS: usize = 3;
 
@@ -133,6 +135,12 @@ impl Ring {
 /// is around them.
 fn holds_a_drawing(lines: &Bits, parts: &Components, label: u32, ring: &Ring) -> bool {
     let Some(inner) = ring.inner() else { return false };
+    let (w, h) = (f64::from(ring.bounds.width()), f64::from(ring.bounds.height()));
+    if w >= PAGE * lines.width as f64 && h >= PAGE * lines.height as f64 {
+        // Guides may join what is in it to a frame about the whole page.
+        let row = |y: u32| &lines.row(y as usize)[inner.left as usize..inner.right as usize];
+        return (inner.top..inner.bottom).any(|y| row(y).contains(&true));
+    }
     let mut held: Option<Box2> = None;
     for y in inner.top..inner.bottom {
         for x in inner.left..inner.right {

@@ -11,8 +11,11 @@ use crate::shape::{PROFILE_ROWS, Profile};
 const LEAST: f64 = 0.2;
 /// Heights of views of one subject, as shares of their usual one.
 const HEIGHTS: (f64, f64) = (0.7, 1.4);
-/// Drawings that agree less are not views of one subject.
+/// Drawings of other heights that agree less are not views of one subject.
 const ALIKE: f64 = 0.3;
+/// Of so nearly the same height any drawings are: a chair from its side and
+/// from its front have hardly a row in common.
+const SAME_HEIGHT: (f64, f64) = (0.84, 1.19);
 /// Drawings at least this tall are compared as views that differ in pose.
 const POSE: f64 = 0.62;
 /// Every colour of a swatch is about the same, levels.
@@ -56,12 +59,14 @@ pub(crate) fn select(blobs: &Blobs) -> Selected {
         (0..large.len())
             .filter(|&k| {
                 let ratio = height(large[k]) / usual;
-                (HEIGHTS.0..=HEIGHTS.1).contains(&ratio) && alike(reference, k) >= ALIKE
+                let same = (SAME_HEIGHT.0..=SAME_HEIGHT.1).contains(&ratio);
+                let near = (HEIGHTS.0..=HEIGHTS.1).contains(&ratio);
+                same || (near && alike(reference, k) >= ALIKE)
             })
             .collect()
     };
     let weight = |set: &[usize], reference: usize| -> f64 {
-        set.iter().map(|&k| height(large[k]).powf(1.5) * alike(reference, k)).sum()
+        set.iter().map(|&k| height(large[k]).powf(1.5) * (0.5 + alike(reference, k))).sum()
     };
     let best = (0..large.len())
         .map(|k| (k, members(k, height(large[k]))))
@@ -78,7 +83,7 @@ pub(crate) fn select(blobs: &Blobs) -> Selected {
 /// Whether a drawing is a mere line or a line of lettering.
 fn is_flat(blob: &Blob) -> bool {
     let (w, h) = (blob.bounds.width(), blob.bounds.height());
-    w >= 8 * h || h >= 30 * w
+    w >= 14 * h || h >= 30 * w
 }
 
 pub(crate) fn median(mut values: Vec<f64>) -> f64 {

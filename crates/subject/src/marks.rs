@@ -97,11 +97,12 @@ impl Marks {
 
     /// Removes guides, ground lines and dimension lines; boxes are in working px.
     pub fn remove_straight_lines(&mut self, options: &CleanOptions) -> Vec<Removed> {
-        let cleaned = clutter::without_lines(&self.lines, self.stroke_px, options);
+        let drawn = self.lines.clone().or(&self.areas);
+        let cleaned = clutter::without_page_lines(&self.lines, &drawn, self.stroke_px, options);
         if !cleaned.removed.is_empty() {
             let gone = self.lines.clone().and_not(&cleaned.ink);
             self.clear(&gone);
-            // Where a line closed a figure it is drawn again.
+            // Strokes that cross a line stay.
             self.lines = cleaned.ink;
         }
         cleaned.removed

@@ -120,13 +120,17 @@ pub(crate) fn compose(subject: &Subject, others: &[Subject], random: &mut ChaCha
             own.level_line(ground_row, 0.03, 0.97);
         }
         let from = row * columns;
-        let mut left = 0.3 * height * own.random.random_range(0.5..1.0);
+        let mut first = true;
+        let mut left = height * own.random.random_range(0.3..0.5);
         for &step in &order[from..count.min(from + columns)] {
             let scale = if scaled { own.random.random_range(0.8..1.0) } else { 1.0 };
             let jitter = if scaled { own.random.random_range(-0.04..0.04) * height } else { 0.0 };
             let view = &subject.views[step];
             let gap = if tight { -0.25 } else { own.random.random_range(0.06..0.25) };
-            left += gap * height;
+            // The first of a row has paper on its left.
+            if !std::mem::take(&mut first) {
+                left += gap * height;
+            }
             let Some(bounds) = own.place(view, left, ground_row + jitter, scale * height, 0.02)
             else {
                 continue;
@@ -136,7 +140,8 @@ pub(crate) fn compose(subject: &Subject, others: &[Subject], random: &mut ChaCha
                 let text = ["front", "3 4", "side", "3 4", "back", "3 4", "side", "3 4"][step];
                 let middle = f64::from(bounds[0] + bounds[2]) / 2.0;
                 let top = f64::from(bounds[3]) + own.random.random_range(0.04..0.09) * height;
-                own.text(text, middle, top, (0.05 * height).max(8.0));
+                let room = 0.9 * f64::from(bounds[2] - bounds[0]) / text.chars().count() as f64;
+                own.text(text, middle, top, (0.05 * height).min(room).max(8.0));
             }
             truth.push(Placed {
                 bounds,
@@ -145,6 +150,7 @@ pub(crate) fn compose(subject: &Subject, others: &[Subject], random: &mut ChaCha
             });
         }
     }
+    own.trim(&truth, if heads || props { 1.3 } else { 0.45 });
     let count = 3;
     if heads {
         for _ in 0..own.random.random_range(1..=count) {
@@ -292,6 +298,15 @@ impl Composer<'_> {
                 pixel.0[c] = level.clamp(0.0, 255.0) as u8;
             }
         }
+    }
+
+    /// Cuts off what is bare on the page's right, but for some of a figure's height.
+    fn trim(&mut self, truth: &[Placed], bare: f64) {
+        let last = truth.iter().map(|view| view.bounds[2]).max().unwrap_or(0);
+        let width = (last + (bare * self.height) as u32).min(self.picture.width());
+        let h = self.picture.height();
+        self.picture = imageops::crop_imm(&self.picture, 0, 0, width, h).to_image();
+        self.taken = imageops::crop_imm(&self.taken, 0, 0, width, h).to_image();
     }
 
     /// Puts a drawing anywhere it fits, clear of all others.

@@ -2,7 +2,7 @@
 //! against what is true of each page.
 //!
 //! `cargo run --release -p page --example page_accuracy -- [--models DIR]
-//! [--most N] [--pages N] [--seed N] [--failures DIR]`
+//! [--most N] [--names A,B] [--pages N] [--seed N] [--failures DIR]`
 
 mod compose;
 mod models;
@@ -48,8 +48,10 @@ fn main() {
         arguments.get(name).map_or(other, |text| text.parse().expect("a number"))
     };
     let started = Instant::now();
+    let names = arguments.get("--names").map_or("", String::as_str);
+    let names: Vec<&str> = names.split(',').filter(|name| !name.is_empty()).collect();
     let subjects = match arguments.get("--models") {
-        Some(folder) => models::of_folder(&PathBuf::from(folder), number("--most", 60) as usize),
+        Some(folder) => models::of_folder(&PathBuf::from(folder), number("--most", 60) as usize, &names),
         None => models::built_in(),
     };
     println!("{} subjects drawn in {:.1} s", subjects.len(), started.elapsed().as_secs_f64());
@@ -71,6 +73,7 @@ fn main() {
                 && (!outcome.whole || outcome.right < outcome.tellable)
             {
                 let kind = if outcome.whole { "azimuth" } else { "figures" };
+                page.picture.save(folder.join(format!("page_{index:03}.png"))).expect("the page");
                 let path = folder.join(format!("{kind}_{index:03}_{}.png", subject.name));
                 match &proposal {
                     Ok(proposal) => preview(&rgba, proposal).save(path),

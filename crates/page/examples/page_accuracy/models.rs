@@ -38,11 +38,17 @@ pub(crate) fn built_in() -> Vec<Subject> {
     models.filter_map(|model| drawn(model.name(), &model.build())).collect()
 }
 
-/// Views of the GLB models in a folder, evenly chosen, at most `most`.
-pub(crate) fn of_folder(folder: &Path, most: usize) -> Vec<Subject> {
+/// Views of the GLB models in a folder, evenly chosen, at most `most`; only those
+/// whose name holds one of `names`, if there are any.
+pub(crate) fn of_folder(folder: &Path, most: usize, names: &[&str]) -> Vec<Subject> {
     let entries = std::fs::read_dir(folder).expect("the folder of models");
     let mut paths: Vec<_> = entries.flatten().map(|entry| entry.path()).collect();
     paths.retain(|path| path.extension().is_some_and(|extension| extension == "glb"));
+    let named = |path: &std::path::PathBuf| {
+        let name = path.to_string_lossy();
+        names.is_empty() || names.iter().any(|wanted| name.contains(wanted))
+    };
+    paths.retain(named);
     paths.sort();
     let step = paths.len().div_ceil(most.max(1)).max(1);
     let chosen: Vec<_> = paths.into_iter().step_by(step).collect();
