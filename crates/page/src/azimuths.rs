@@ -15,7 +15,7 @@ use crate::layouts::Layout;
 use crate::shape::{PROFILE_ROWS, Shape};
 
 /// Standard deviations of a row's coefficients, in heights.
-const SIDE: f64 = 0.04;
+const SIDE: f64 = 0.03;
 const FRONT: f64 = 0.018;
 const MIDDLE_NOISE: f64 = 0.014;
 const WIDTH: f64 = 0.3;
@@ -25,7 +25,7 @@ const WIDTH_NOISE: f64 = 0.03;
 /// Rows are so alike that all count as so many.
 const ROWS: f64 = 8.0;
 /// Weights of what faces and feet tell.
-const FACE: f64 = 2.5;
+const FACE: f64 = 2.0;
 const FACING: f64 = 1.5;
 const FEET: f64 = 1.2;
 

@@ -10,19 +10,21 @@ pub(crate) struct Layout {
 
 /// What turning the other way costs, and reading from right to left.
 const OTHER_WAY: f64 = -0.1;
-const REVERSED: f64 = -1.5;
+const REVERSED: f64 = -2.5;
 /// What beginning a full turn elsewhere than at the front costs.
-const LATER_START: f64 = -2.0;
+const LATER_START: f64 = -3.0;
+/// What full turns of steps other than 45 and 90 degrees cost on a page.
+const ODD_STEP: f64 = -2.5;
 
 /// Orders for `count` views, those in which the side faces left.
 fn usual(count: usize) -> &'static [(&'static [i32], f64)] {
     match count {
         1 => &[(&[0], 0.0), (&[45], -2.0), (&[90], -2.0), (&[180], -4.0)],
-        2 => &[(&[0, 90], 0.0), (&[0, 180], -0.3), (&[0, 45], -1.5), (&[45, 225], -3.5)],
+        2 => &[(&[0, 90], 0.0), (&[0, 180], -0.3), (&[0, 45], -3.0), (&[45, 225], -3.5)],
         3 => &[
             (&[0, 90, 180], 0.0),
             (&[0, 45, 90], -1.0),
-            (&[0, 45, 180], -1.2),
+            (&[0, 45, 180], -3.0),
             (&[90, 0, 270], -1.2),
             (&[0, 180, 90], -1.2),
             (&[0, 90, 270], -2.0),
@@ -33,8 +35,8 @@ fn usual(count: usize) -> &'static [(&'static [i32], f64)] {
             (&[0, 45, 90, 180], -0.3),
             (&[0, 90, 270, 180], -1.2),
             (&[0, 180, 90, 270], -1.2),
-            (&[0, 45, 90, 135], -1.2),
-            (&[0, 45, 180, 225], -1.8),
+            (&[0, 45, 90, 135], -2.0),
+            (&[0, 45, 180, 225], -3.0),
             (&[45, 0, 90, 180], -2.5),
         ],
         5 => &[
@@ -44,7 +46,6 @@ fn usual(count: usize) -> &'static [(&'static [i32], f64)] {
             (&[90, 45, 0, 315, 270], -1.5),
         ],
         6 => &[
-            (&[0, 60, 120, 180, 240, 300], 0.0),
             (&[0, 45, 90, 135, 180, 270], -0.2),
             (&[0, 45, 90, 135, 180, 225], -0.4),
             (&[0, 45, 90, 180, 270, 315], -0.6),
@@ -57,7 +58,10 @@ fn usual(count: usize) -> &'static [(&'static [i32], f64)] {
 /// Orders to be tried for `count` views on a page.
 pub(crate) fn on_page(count: usize) -> Vec<Layout> {
     let mut layouts = Vec::new();
-    let even = if count > 3 { turns(count) } else { Vec::new() };
+    let mut even = if count > 3 { turns(count) } else { Vec::new() };
+    if ![4, 8].contains(&count) {
+        even.iter_mut().for_each(|layout| layout.prior += ODD_STEP);
+    }
     let named = usual(count).iter().map(|(azimuths, prior)| {
         (azimuths.iter().map(|degrees| f64::from(*degrees)).collect::<Vec<f64>>(), *prior)
     });
