@@ -1,17 +1,10 @@
-//! The frames of an animated GIF, decoded within limits.
+//! A page, or the frames of an animated GIF, decoded within limits.
 
 use std::io::Cursor;
 
 use image::codecs::gif::GifDecoder;
 use image::{AnimationDecoder, ImageDecoder, ImageFormat, RgbaImage};
 use picture::ImageLimits;
-
-/// An animation's frames that differ from the ones before them.
-#[derive(Clone, Debug)]
-pub struct Animation {
-    /// In order, each of the animation's size.
-    pub frames: Vec<RgbaImage>,
-}
 
 /// Why an animation is not read.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -27,19 +20,28 @@ pub enum AnimationError {
     },
 }
 
-/// Decodes an animated GIF; `None` if `bytes` are something else, or have one
-/// frame. All frames together have at most `limits.max_pixels`.
+/// Decodes a picture of a page; of an animated GIF every frame that differs from
+/// the one before it. All frames together have at most `limits.max_pixels`.
 ///
 /// # Errors
-/// [`AnimationError`] for damaged files and those over the limits.
-pub fn animation(
+/// [`AnimationError`] for what is no picture, is damaged or over the limits.
+pub fn decode(
     bytes: &[u8],
     limits: &ImageLimits,
     max_frames: usize,
-) -> Result<Option<Animation>, AnimationError> {
-    if image::guess_format(bytes).ok() != Some(ImageFormat::Gif) {
-        return Ok(None);
-    }
+) -> Result<Vec<RgbaImage>, AnimationError> {
+    let frames = match image::guess_format(bytes) {
+        Ok(ImageFormat::Gif) => frames(bytes, limits, max_frames)?,
+        _ => Vec::new(),
+    };
+    if frames.is_empty() { Ok(vec![picture::decode_color(bytes, limits)?]) } else { Ok(frames) }
+}
+
+fn frames(
+    bytes: &[u8],
+    limits: &ImageLimits,
+    max_frames: usize,
+) -> Result<Vec<RgbaImage>, AnimationError> {
     let (_, width, height) = picture::inspect(bytes, limits)?;
     let damaged = |error: image::ImageError| picture::ImageError::Damaged(error.to_string());
     let mut decoder = GifDecoder::new(Cursor::new(bytes)).map_err(damaged)?;
@@ -65,5 +67,36 @@ pub fn animation(
     if frames.len() > 2 && frames.first() == frames.last() {
         frames.pop();
     }
-    Ok((frames.len() > 1).then_some(Animation { frames }))
+    Ok(frames)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::codecs::gif::GifEncoder;
+    use image::{Frame, Rgba};
+
+    fn gif(levels: &[u8]) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        let mut encoder = GifEncoder::new(&mut bytes);
+        for level in levels {
+            let picture = RgbaImage::from_pixel(20, 10, Rgba([*level, *level, *level, 255]));
+            encoder.encode_frame(Frame::new(picture)).unwrap();
+        }
+        drop(encoder);
+        bytes
+    }
+
+    #[test]
+    fn frames_that_repeat_count_once_and_too_many_are_refused() {
+        let limits = ImageLimits::default();
+        assert_eq!(decode(&gif(&[0, 0, 90, 200, 0]), &limits, 36).unwrap().len(), 3);
+        assert_eq!(decode(&gif(&[7]), &limits, 36).unwrap().len(), 1);
+        let refused = decode(&gif(&[0, 90, 200]), &limits, 2);
+        assert_eq!(refused, Err(AnimationError::TooManyFrames { limit: 2 }));
+        let tight = ImageLimits { max_pixels: 399, ..limits };
+        assert!(decode(&gif(&[0, 90]), &tight, 36).is_err());
+        assert!(decode(b"GIF89a", &limits, 36).is_err());
+        assert!(decode(b"", &limits, 36).is_err());
+    }
 }

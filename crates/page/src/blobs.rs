@@ -15,6 +15,10 @@ const NEAR: f64 = 0.05;
 const VERY_NEAR: f64 = 0.025;
 /// Small parts this near each other are one drawing.
 const TOGETHER: f64 = 0.025;
+/// Drawings above each other are one if the gap is no wider.
+const STACKED: f64 = 0.015;
+/// Two drawings of at least this share of the figures' height are two.
+const WHOLE: f64 = 0.8;
 const ROUNDS: usize = 5;
 
 /// A drawing: parts that belong together.
@@ -92,6 +96,7 @@ impl Blobs {
                 break;
             }
         }
+        join_stacked(&parts.labels, inside.width, &mut drawing, &mut list, size);
         // What is left makes drawings of its own where it is close together.
         let is_left = |k: usize| free(k, &drawing) && side(k) > speck;
         let left = parts.select(inside.width, is_left);
@@ -140,6 +145,59 @@ pub(crate) fn pixels(owners: &Raster<u16>, owner: u16, bounds: &Box2, pad: usize
         bits.data[to..to + w].iter_mut().zip(row).for_each(|(bit, is)| *bit = is);
     }
     bits
+}
+
+/// Joins drawings above each other that nearly touch: one whose outline is
+/// open falls apart at its gaps.
+fn join_stacked(
+    labels: &[u32],
+    width: usize,
+    drawing: &mut [Option<usize>],
+    list: &mut Vec<Blob>,
+    size: f64,
+) {
+    let reach = (STACKED * size).max(3.0) as usize;
+    let of = |at: usize| labels[at].checked_sub(1).and_then(|k| drawing[k as usize]);
+    let mut pairs: std::collections::BTreeSet<(usize, usize)> = Default::default();
+    for x in 0..width {
+        // The last drawing met down the column, and where it ended.
+        let mut last: Option<(usize, usize)> = None;
+        for y in 0..labels.len() / width {
+            let Some(own) = of(y * width + x) else { continue };
+            if let Some((other, end)) = last
+                && other != own
+                && y - end <= reach
+            {
+                pairs.insert((other.min(own), other.max(own)));
+            }
+            last = Some((own, y));
+        }
+    }
+    let mut to: Vec<usize> = (0..list.len()).collect();
+    for (a, b) in pairs {
+        let (a, b) = (to[a], to[b]);
+        if a != b && is_stacked(&list[a].bounds, &list[b].bounds, size) {
+            list[a].bounds = list[a].bounds.joined(&list[b].bounds);
+            list[a].area += list[b].area;
+            to.iter_mut().filter(|own| **own == b).for_each(|own| *own = a);
+        }
+    }
+    // Those that were joined to others leave no holes in the list.
+    let kept: Vec<usize> = (0..list.len()).filter(|&k| to[k] == k).collect();
+    let place = |k: usize| kept.binary_search(&to[k]).expect("a drawing that was kept");
+    drawing.iter_mut().flatten().for_each(|own| *own = place(*own));
+    *list = kept.iter().map(|&k| list[k]).collect();
+}
+
+/// Whether one box is above the other, most of the narrower one's width shared.
+fn is_stacked(a: &Box2, b: &Box2, size: f64) -> bool {
+    let shared = f64::from(a.right.min(b.right)) - f64::from(a.left.max(b.left));
+    let narrow = f64::from(a.width().min(b.width()));
+    let beside = f64::from(a.bottom.min(b.bottom)) - f64::from(a.top.max(b.top));
+    let low = f64::from(a.height().min(b.height()));
+    // Two whole figures in rows that nearly touch are no pair of halves.
+    let whole = f64::from(a.height().min(b.height())) >= WHOLE * size;
+    shared >= 0.7 * narrow && beside <= 0.5 * low && !whole
 }
 
 /// Parts within what a drawing encloses once its smallest openings are shut

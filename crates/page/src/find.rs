@@ -94,28 +94,60 @@ pub fn propose_turn(
     Ok(proposals)
 }
 
-/// The proposal with `azimuths` for its figures in reading order.
+/// Finds the views in one picture of a page, or in several of a turn.
+///
+/// # Errors
+/// As [`propose`] and [`propose_turn`].
+pub fn propose_all(
+    pictures: &[RgbaImage],
+    options: &PageOptions,
+    observer: &dyn Observer,
+) -> Result<Vec<PageProposal>, PageError> {
+    match pictures {
+        [page] => Ok(vec![propose(page, options, observer)?]),
+        _ => propose_turn(pictures, options, observer),
+    }
+}
+
+/// Gives the figures of all `proposals` these azimuths, in reading order.
 ///
 /// # Errors
 /// [`PageError::WrongNumber`] if there are more or fewer azimuths than figures,
 /// [`PageError::DuplicateAzimuth`] if one is given twice.
-pub fn with_azimuths(
-    mut proposal: PageProposal,
-    azimuths: &[Azimuth],
-) -> Result<PageProposal, PageError> {
-    let (found, given) = (proposal.figures.len(), azimuths.len());
-    if found != given {
-        return Err(PageError::WrongNumber { found, given });
+pub fn set_azimuths(proposals: &mut [PageProposal], azimuths: &[Azimuth]) -> Result<(), PageError> {
+    let found = proposals.iter().map(|proposal| proposal.figures.len()).sum();
+    if found != azimuths.len() {
+        return Err(PageError::WrongNumber { found, given: azimuths.len() });
     }
     for (k, azimuth) in azimuths.iter().enumerate() {
         if azimuths[..k].contains(azimuth) {
             return Err(PageError::DuplicateAzimuth(azimuth.degrees()));
         }
-        proposal.figures[k].azimuth = *azimuth;
-        proposal.figures[k].confidence = 1.0;
     }
-    proposal.confidence = 1.0;
-    Ok(proposal)
+    let figures = proposals.iter_mut().flat_map(|proposal| &mut proposal.figures);
+    for (figure, azimuth) in figures.zip(azimuths) {
+        figure.azimuth = *azimuth;
+        figure.confidence = 1.0;
+    }
+    proposals.iter_mut().for_each(|proposal| proposal.confidence = 1.0);
+    Ok(())
+}
+
+/// Azimuths in the order of the views as people write them: `0,45,90`; `None`
+/// for `auto`, which leaves them to be guessed.
+///
+/// # Errors
+/// What is wrong, if the text is neither.
+pub fn azimuth_order(text: &str) -> Result<Option<Vec<Azimuth>>, String> {
+    if text.trim() == "auto" {
+        return Ok(None);
+    }
+    let azimuth = |part: &str| {
+        let degrees = part.trim().parse::<f64>().ok();
+        let azimuth = degrees.and_then(|degrees| Azimuth::from_degrees(degrees).ok());
+        azimuth.ok_or_else(|| format!("{part:?} is no angle in degrees; write 0,45,90 or auto"))
+    };
+    text.split(',').map(azimuth).collect::<Result<Vec<Azimuth>, String>>().map(Some)
 }
 
 fn settle(figures: Vec<&mut Figure>, guess: &Guess) {

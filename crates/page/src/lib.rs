@@ -1,9 +1,9 @@
 //! From a page of drawings to the views of one subject on it.
 //!
-//! [`propose`] finds the whole figures on a decoded page, told from captions,
+//! [`decode`] reads a page or an animation. [`propose`] finds the whole figures on a decoded page, told from captions,
 //! frames, guides, swatches, heads and props, and guesses at which azimuth each
 //! is drawn; [`propose_turn`] does so for pictures that hold one view each, such
-//! as the frames of an animated turn ([`animation`]). [`preview`] draws what was
+//! as the frames of an animated turn. [`preview`] draws what was
 //! found on the page, [`cut_out`] makes each view a picture of its own and
 //! [`sheet_document`] names them as a sheet.
 //!
@@ -38,10 +38,10 @@ mod select;
 mod shape;
 mod small;
 
-pub use animation::{Animation, AnimationError, animation};
+pub use animation::{AnimationError, decode};
 pub use cut_out::{cut_out, sheet_document};
 pub use error::PageError;
-pub use find::{propose, propose_turn, with_azimuths};
+pub use find::{azimuth_order, propose, propose_all, propose_turn, set_azimuths};
 pub use options::PageOptions;
 pub use preview::preview;
 pub use proposal::{Figure, LeftOut, LeftOutKind, PageProposal};

@@ -12,6 +12,6 @@ pub struct PageOptions {
 
 impl Default for PageOptions {
     fn default() -> Self {
-        Self { working_side_px: 1600, max_figures: 36 }
+        Self { working_side_px: 2400, max_figures: 36 }
     }
 }

@@ -35,8 +35,13 @@ pub(crate) fn remove(marks: &mut Marks) -> Vec<Box2> {
             if f64::from(bounds.width().min(bounds.height())) < least {
                 continue;
             }
-            let ring = Ring::of(&parts, index as u32 + 1, bounds, marks.lines.width);
-            if ring.is_drawn() && holds_a_drawing(&marks.lines, &parts, index as u32 + 1, &ring) {
+            let label = index as u32 + 1;
+            let ring = Ring::of(&parts, label, bounds, marks.lines.width);
+            let is_frame = |ring: &Ring| {
+                found.iter().any(|other| is_level_with(&bounds, other))
+                    || holds_a_drawing(&marks.lines, &parts, label, ring)
+            };
+            if ring.is_drawn() && is_frame(&ring) {
                 ring.erase(&mut gone);
                 found.push(bounds);
                 any = true;
@@ -48,6 +53,12 @@ pub(crate) fn remove(marks: &mut Marks) -> Vec<Box2> {
         marks.clear(&gone);
     }
     found
+}
+
+/// Whether two rectangles have the same top and bottom, as panels in a row do.
+fn is_level_with(a: &Box2, b: &Box2) -> bool {
+    let near = 2 + a.height() / 50;
+    a.top.abs_diff(b.top) <= near && a.bottom.abs_diff(b.bottom) <= near
 }
 
 /// Runs of one part that begin at the sides of its bounds, one a row or column.

@@ -18,6 +18,12 @@ const ALIKE: f64 = 0.3;
 const SAME_HEIGHT: (f64, f64) = (0.84, 1.19);
 /// Drawings at least this tall are compared as views that differ in pose.
 const POSE: f64 = 0.62;
+/// A page with more is one of poses and details: its largest row is the turn.
+const MOST: usize = 8;
+/// Drawings of that row that agree less with its tallest are no views.
+const ROW_ALIKE: f64 = 0.7;
+/// What lies with so much of its width or height along the border is no figure.
+const ON_BORDER: f64 = 0.6;
 /// Every colour of a swatch is about the same, levels.
 const ONE_COLOUR: f64 = 14.0;
 /// A swatch fills this share of its bounds.
@@ -45,8 +51,10 @@ pub(crate) fn agreement(a: &Profile, b: &Profile) -> f64 {
 pub(crate) fn select(blobs: &Blobs) -> Selected {
     let tallest = blobs.list.iter().map(|b| b.bounds.height()).max().unwrap_or(0);
     let height = |k: usize| f64::from(blobs.list[k].bounds.height());
+    let size = (blobs.owners.width as u32, blobs.owners.height as u32);
     let large: Vec<usize> = (0..blobs.list.len())
         .filter(|&k| height(k) >= LEAST * f64::from(tallest) && !is_flat(&blobs.list[k]))
+        .filter(|&k| !is_backdrop(blobs, k, size))
         .take(400)
         .collect();
     let profiles: Vec<Option<Profile>> =
@@ -76,8 +84,54 @@ pub(crate) fn select(blobs: &Blobs) -> Selected {
     };
     // Once more about the set's own middle.
     let usual = median(set.iter().map(|&k| height(large[k])).collect());
-    let set = members(reference, usual);
+    let mut set = members(reference, usual);
+    if set.len() > MOST {
+        let boxes: Vec<Box2> = set.iter().map(|&k| blobs.list[large[k]].bounds).collect();
+        let row = largest_row(&boxes);
+        let lead = row.iter().copied().max_by_key(|&k| boxes[k].height()).unwrap_or(0);
+        let lead = set[lead];
+        let row: Vec<usize> = row.into_iter().map(|k| set[k]).collect();
+        let agree: Vec<usize> =
+            row.iter().copied().filter(|&k| alike(lead, k) >= ROW_ALIKE).collect();
+        set = if agree.len() > 1 { agree } else { row };
+    }
+    let usual = median(set.iter().map(|&k| height(large[k])).collect());
     Selected { views: set.iter().map(|&k| large[k]).collect(), height: usual }
+}
+
+/// The boxes that stand about level with one of them, of those with the largest
+/// median height.
+fn largest_row(boxes: &[Box2]) -> Vec<usize> {
+    let row = |of: &Box2| -> Vec<usize> {
+        let shares = |b: &Box2| {
+            let shared = f64::from(b.bottom.min(of.bottom)) - f64::from(b.top.max(of.top));
+            let level = f64::from(b.bottom.abs_diff(of.bottom)) <= 0.13 * f64::from(of.height());
+            level && shared >= 0.7 * f64::from(b.height().min(of.height()))
+        };
+        (0..boxes.len()).filter(|&k| shares(&boxes[k])).collect()
+    };
+    let weight = |row: &Vec<usize>| {
+        let height = median(row.iter().map(|&k| f64::from(boxes[k].height())).collect());
+        height * (row.len().min(MOST) as f64).sqrt()
+    };
+    let rows = boxes.iter().map(row);
+    rows.max_by(|a, b| weight(a).total_cmp(&weight(b))).unwrap_or_default()
+}
+
+/// Whether most of a drawing's width or height lies along the page's border:
+/// a shadow or a backdrop.
+fn is_backdrop(blobs: &Blobs, k: usize, (width, height): (u32, u32)) -> bool {
+    let b = blobs.list[k].bounds;
+    let own = |x: u32, y: u32| {
+        blobs.owners.data[y as usize * width as usize + x as usize] == k as u16 + 1
+    };
+    let along = |y: u32| (b.left..b.right).filter(|&x| own(x, y)).count() as f64;
+    let down = |x: u32| (b.top..b.bottom).filter(|&y| own(x, y)).count() as f64;
+    let (w, h) = (f64::from(b.width()), f64::from(b.height()));
+    (b.top == 0 && along(0) >= ON_BORDER * w)
+        || (b.bottom == height && along(height - 1) >= ON_BORDER * w)
+        || (b.left == 0 && down(0) >= ON_BORDER * h)
+        || (b.right == width && down(width - 1) >= ON_BORDER * h)
 }
 
 /// Whether a drawing is a mere line or a line of lettering.

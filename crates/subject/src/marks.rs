@@ -7,7 +7,7 @@ use crate::alpha::{Meaning, laid_on_paper};
 use crate::clutter;
 use crate::options::{CleanOptions, SubjectOptions};
 use crate::paper::Paper;
-use crate::raster::{Bits, Raster, filled};
+use crate::raster::{Bits, Component, Raster, filled};
 use crate::report::{PaperSummary, Removed};
 use crate::structure::{CLEAR_COLOUR, PAINTED, above, enclosed_lines, reduced_mask, stroke_of};
 use crate::tone::Tone;
@@ -45,7 +45,11 @@ impl Marks {
         let factor = width.max(height).div_ceil(working_side_px.max(64)).max(1) as usize;
         let opaque = laid_on_paper(page);
         let image = opaque.image.as_ref();
-        let field = match &opaque.meaning {
+        let meaning = match opaque.meaning {
+            Meaning::CutOut(mask) if is_panels(&reduced_mask(&mask, factor)) => Meaning::Nothing,
+            other => other,
+        };
+        let field = match &meaning {
             Meaning::Nothing => Paper::fit(image),
             Meaning::CutOut(_) => Paper::plain([255.0; 3]),
             Meaning::InkLayer => {
@@ -66,10 +70,10 @@ impl Marks {
             colour,
             tolerance,
             is_cut_out: false,
-            is_clear: !matches!(opaque.meaning, Meaning::Nothing),
+            is_clear: !matches!(meaning, Meaning::Nothing),
         };
         own.stroke_px = stroke_of(&own.lines);
-        if let Meaning::CutOut(mask) = &opaque.meaning {
+        if let Meaning::CutOut(mask) = &meaning {
             own.areas = reduced_mask(mask, factor);
             own.is_cut_out = true;
         } else {
@@ -112,6 +116,19 @@ impl Marks {
         let painted = above(&self.colour, self.tolerance);
         self.areas = painted.opened((1.5 * self.stroke_px + 1.0) as f32);
     }
+}
+
+/// Whether all that is opaque are rectangles: panels of paper, not subjects.
+fn is_panels(mask: &Bits) -> bool {
+    const LEAST: usize = 200;
+    const FULL: f64 = 0.97;
+    let parts = mask.components(true).parts;
+    let large = parts.iter().filter(|part| part.area * LEAST >= mask.data.len());
+    let is_full = |part: &Component| {
+        let b = part.bounds;
+        part.area as f64 >= FULL * f64::from(b.width()) * f64::from(b.height())
+    };
+    large.clone().count() > 0 && large.into_iter().all(is_full)
 }
 
 /// What `lines` and `areas` of one figure enclose, gaps in its outline closed

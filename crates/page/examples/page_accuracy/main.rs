@@ -51,7 +51,9 @@ fn main() {
     let names = arguments.get("--names").map_or("", String::as_str);
     let names: Vec<&str> = names.split(',').filter(|name| !name.is_empty()).collect();
     let subjects = match arguments.get("--models") {
-        Some(folder) => models::of_folder(&PathBuf::from(folder), number("--most", 60) as usize, &names),
+        Some(folder) => {
+            models::of_folder(&PathBuf::from(folder), number("--most", 60) as usize, &names)
+        }
         None => models::built_in(),
     };
     println!("{} subjects drawn in {:.1} s", subjects.len(), started.elapsed().as_secs_f64());
