@@ -2,7 +2,7 @@
 //! against what is true of each page.
 //!
 //! `cargo run --release -p page --example page_accuracy -- [--models DIR]
-//! [--most N] [--names A,B] [--pages N] [--seed N] [--failures DIR]`
+//! [--large WIDTHxHEIGHT] [--most N] [--names A,B] [--pages N] [--seed N] [--failures DIR]`
 
 mod compose;
 mod models;
@@ -57,6 +57,9 @@ fn main() {
         None => models::built_in(),
     };
     println!("{} subjects drawn in {:.1} s", subjects.len(), started.elapsed().as_secs_f64());
+    if let Some(size) = arguments.get("--large") {
+        return large(&subjects, size);
+    }
     let failures = arguments.get("--failures").map(PathBuf::from);
     if let Some(folder) = &failures {
         std::fs::create_dir_all(folder).expect("the folder for failures");
@@ -87,6 +90,31 @@ fn main() {
         })
         .collect();
     report(&outcomes);
+}
+
+/// Time and memory for one composed page enlarged to `size`.
+fn large(subjects: &[models::Subject], size: &str) {
+    let sides: Vec<u32> = size.split('x').map(|side| side.parse().expect("a size")).collect();
+    let mut random = ChaCha8Rng::seed_from_u64(7);
+    let page = compose(&subjects[0], subjects, &mut random).picture;
+    let filter = image::imageops::FilterType::Triangle;
+    let page = image::imageops::resize(&page, sides[0], sides[1], filter);
+    let page = image::DynamicImage::ImageRgb8(page).into_rgba8();
+    let memory = |name: &str| -> f64 {
+        let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+        let line = status.lines().find(|line| line.starts_with(name)).unwrap_or_default();
+        line.split_whitespace().nth(1).and_then(|kib| kib.parse().ok()).unwrap_or(0.0) * 1024.0
+    };
+    // The peak so far is forgotten, that of the search alone counts.
+    let _ = std::fs::write("/proc/self/clear_refs", "5");
+    let before = memory("VmRSS:") - page.as_raw().len() as f64;
+    let started = Instant::now();
+    let found = propose(&page, &PageOptions::default(), &Silent).map(|p| p.figures.len());
+    let seconds = started.elapsed().as_secs_f64();
+    let bytes = (memory("VmHWM:") - before) / f64::from(sides[0]) / f64::from(sides[1]);
+    println!(
+        "{size}: {found:?} figures in {seconds:.2} s, {bytes:.1} bytes a pixel, page included"
+    );
 }
 
 fn iou(a: [u32; 4], b: [u32; 4]) -> f64 {
