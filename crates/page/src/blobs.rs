@@ -38,6 +38,8 @@ pub(crate) struct Blobs {
     pub(crate) words: Vec<Box2>,
 }
 
+/// The owner of letters' pixels.
+pub(crate) const LETTERS: u16 = u16::MAX;
 /// More drawings are not told apart: the smallest are dirt.
 const MOST: usize = 4000;
 
@@ -119,9 +121,10 @@ impl Blobs {
             list[to].area += parts.parts[k].area;
             drawing[k] = Some(to);
         }
-        let owner = |label: &u32| match label.checked_sub(1).and_then(|k| drawing[k as usize]) {
-            Some(to) => to as u16 + 1,
+        let owner = |label: &u32| match label.checked_sub(1).map(|k| k as usize) {
             None => 0,
+            Some(k) if lettering.is_letter[k] => LETTERS,
+            Some(k) => drawing[k].map_or(0, |to| to as u16 + 1),
         };
         let data = parts.labels.iter().map(owner).collect();
         let owners = Raster { width: inside.width, height: inside.height, data };

@@ -4,6 +4,7 @@ use image::{Rgba, RgbaImage};
 use sheet::{SheetDocument, ViewDocument};
 use subject::raster::Bits;
 
+use crate::blobs::LETTERS;
 use crate::proposal::{FIRST, NOBODY, PageProposal};
 
 /// Paper left about a view, share of its height.
@@ -56,12 +57,21 @@ fn foreign(
     let (w, h) = ((right - left) as usize, (bottom - top) as usize);
     let mut own = Bits::filled(w, h, false);
     let mut other = own.clone();
+    let place = &proposal.figures[index].place;
+    let factor = proposal.factor as u32;
+    let within = |x: u32, y: u32| {
+        (place.left / factor..place.right.div_ceil(factor)).contains(&x)
+            && (place.top / factor..place.bottom.div_ceil(factor)).contains(&y)
+    };
     for y in 0..h {
         for x in 0..w {
-            let at = (y + top as usize) * proposal.owners.width + x + left as usize;
-            let owner = proposal.owners.data[at];
+            let (u, v) = (x + left as usize, y + top as usize);
+            let owner = proposal.owners.data[v * proposal.owners.width + u];
             own.data[y * w + x] = owner == FIRST + index as u16;
-            other.data[y * w + x] = owner != NOBODY && owner != FIRST + index as u16;
+            // Within the view small marks in a row may be its own pattern.
+            let pattern = owner == LETTERS && within(u as u32, v as u32);
+            let drawn = owner != NOBODY && owner != FIRST + index as u16;
+            other.data[y * w + x] = drawn && !pattern;
         }
     }
     other.dilated(BLUR).and_not(&own.dilated(BLUR / 2.0))

@@ -8,7 +8,7 @@ use subject::raster::{Bits, Raster};
 use subject::{Box2, CleanOptions, Marks, Point, SubjectOptions, enclosed};
 
 use crate::azimuths::{self, Guess};
-use crate::blobs::{self, Blobs};
+use crate::blobs::{self, Blobs, LETTERS};
 use crate::error::PageError;
 use crate::layouts;
 use crate::options::PageOptions;
@@ -300,7 +300,8 @@ fn owners(blobs: &Blobs, order: &[(usize, usize)]) -> Raster<u16> {
     for (place, (k, _)) in order.iter().enumerate() {
         of[k + 1] = FIRST + place as u16;
     }
-    let data = blobs.owners.data.iter().map(|owner| of[*owner as usize]).collect();
+    let of = |owner: &u16| of.get(*owner as usize).copied().unwrap_or(LETTERS);
+    let data = blobs.owners.data.iter().map(of).collect();
     Raster { width: blobs.owners.width, height: blobs.owners.height, data }
 }
 

@@ -105,6 +105,25 @@ fn a_cut_out_holds_one_view_only() {
 }
 
 #[test]
+fn a_caption_is_left_out_and_painted_over() {
+    let mut page = sheet();
+    for letter in 0..5 {
+        let left = 112 + 12 * letter;
+        block(&mut page, left, 312, 2, 12, INK);
+        block(&mut page, left + 6, 312, 2, 12, INK);
+        block(&mut page, left, 317, 8, 2, INK);
+    }
+    let proposal = proposed(&page);
+    assert!(proposal.left_out.iter().any(|left| left.kind == LeftOutKind::Caption));
+    assert_eq!(proposal.figures.len(), 3);
+    let cut = page::cut_out(&page, &proposal, 0);
+    let place = proposal.figures[0].place;
+    let margin = cut.height() - place.height();
+    let below = cut.rows().skip((cut.height() - margin / 4) as usize);
+    assert!(below.flatten().all(|pixel| pixel.0[0] > 200), "the caption is still there");
+}
+
+#[test]
 fn azimuths_by_hand_must_be_one_a_figure() {
     let azimuths = |text| page::azimuth_order(text).unwrap().unwrap();
     let mut proposals = vec![proposed(&sheet())];
