@@ -33,8 +33,8 @@ struct Found {
 /// Finds the views of a subject on `page`, 8-bit sRGB with alpha, and guesses
 /// their azimuths.
 ///
-/// Figures are looked for on a copy of at most about
-/// [`PageOptions::working_side_px`]; memory is a few bytes a pixel of the page.
+/// Figures are looked for on a copy reduced as
+/// [`PageOptions::working_side_px`] says; memory is a few bytes a pixel of the page.
 /// The same input gives the same output.
 ///
 /// # Errors

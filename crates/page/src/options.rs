@@ -3,8 +3,8 @@
 /// How a page is searched for views.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PageOptions {
-    /// The longest side at which figures are looked for, px; larger pages are
-    /// reduced for it.
+    /// The longer side of a page of three by two at which figures are looked
+    /// for, px; larger pages are reduced to its area.
     pub working_side_px: u32,
     /// More figures than this are refused.
     pub max_figures: usize,

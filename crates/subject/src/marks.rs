@@ -12,6 +12,10 @@ use crate::report::{PaperSummary, Removed};
 use crate::structure::{CLEAR_COLOUR, PAINTED, above, enclosed_lines, reduced_mask, stroke_of};
 use crate::tone::Tone;
 
+/// The side of a square of the same area as a page of three by two, share of
+/// its longer side; a little more, against rounding.
+const STRIP: f64 = 0.82;
+
 /// Strokes and areas of colour on a page of any number of drawings. Rasters
 /// are of working size.
 pub struct Marks {
@@ -35,14 +39,18 @@ pub struct Marks {
 }
 
 impl Marks {
-    /// Reads `page`, 8-bit sRGB with alpha, reduced so that its longer side
-    /// has at most about `working_side_px`; `None` if it has no pixels.
+    /// Reads `page`, 8-bit sRGB with alpha, reduced to the area of a page of
+    /// three by two whose longer side has `working_side_px`; `None` if it has no
+    /// pixels.
     pub fn of(page: &RgbaImage, working_side_px: u32) -> Option<Self> {
         let (width, height) = page.dimensions();
         if width == 0 || height == 0 {
             return None;
         }
-        let factor = width.max(height).div_ceil(working_side_px.max(64)).max(1) as usize;
+        // By area: a long strip of views is not reduced for its length.
+        let size = (f64::from(width) * f64::from(height)).sqrt();
+        let factor = size / (STRIP * f64::from(working_side_px.max(64)));
+        let factor = factor.ceil().max(1.0) as usize;
         let opaque = laid_on_paper(page);
         let image = opaque.image.as_ref();
         let meaning = match opaque.meaning {
