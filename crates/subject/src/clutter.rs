@@ -4,7 +4,7 @@
 use crate::options::CleanOptions;
 use crate::raster::{Bits, filled};
 use crate::report::{Box2, Removed, RemovedKind};
-use crate::straight::{Limits, Line, level_lines, transposed};
+use crate::straight::{Limits, Line, level_lines, level_rows, transposed};
 
 /// The thickest line, share of the page's shorter side.
 const THICKNESS: f64 = 0.011;
@@ -68,7 +68,7 @@ pub(crate) fn without_frame(ink: &Bits, stroke_px: f64) -> Cleaned {
 ///
 /// * `stroke_px`: the width of the drawing's strokes.
 pub(crate) fn without_lines(ink: &Bits, stroke_px: f64, options: &CleanOptions) -> Cleaned {
-    without(ink, stroke_px, options, Restore::Best, &kind_of)
+    without(ink, stroke_px, options, Restore::Best, &lines_of, &kind_of)
 }
 
 /// Removes straight lines that are of none of the figures on a page.
@@ -81,7 +81,7 @@ pub(crate) fn without_page_lines(
     options: &CleanOptions,
 ) -> Cleaned {
     let kind = |line: &Line, ink: &Bits| page_kind_of(line, ink, drawn);
-    without(ink, stroke_px, options, Restore::Crossings, &kind)
+    without(ink, stroke_px, options, Restore::Crossings, &page_lines_of, &kind)
 }
 
 /// What of a removed line is drawn again: what closes the figure on it best, or
@@ -97,6 +97,7 @@ fn without(
     stroke_px: f64,
     options: &CleanOptions,
     restored: Restore,
+    lines_of: &dyn Fn(&Bits) -> Vec<Line>,
     kind_of: &dyn Fn(&Line, &Bits) -> Option<RemovedKind>,
 ) -> Cleaned {
     let mut cleaned = Cleaned { ink: ink.clone(), removed: Vec::new() };
@@ -156,16 +157,40 @@ impl Cleaned {
     }
 }
 
+/// As [`lines_of`], and level and upright lines of which only short stretches
+/// show between figures.
+fn page_lines_of(ink: &Bits) -> Vec<Line> {
+    let mut lines = lines_of(ink);
+    let limits = limits(ink);
+    let least = |length: usize| (PAGE_ALONE_LENGTH * length as f64) as usize + 1;
+    let mut rows = level_rows(ink, &limits, least(ink.width), false);
+    rows.extend(level_rows(&transposed(ink), &limits, least(ink.height), true));
+    rows.retain(|row| {
+        let same = |line: &Line| {
+            line.upright == row.upright
+                && (line.across(row.from) - row.at).abs() <= 3.0
+                && line.length() * 10 >= row.length() * 9
+        };
+        !lines.iter().any(same)
+    });
+    lines.extend(rows);
+    lines
+}
+
 fn lines_of(ink: &Bits) -> Vec<Line> {
-    let short = ink.width.min(ink.height) as f64;
-    let limits = Limits {
-        least_run: ((RUN * ink.width.max(ink.height) as f64) as usize).max(8),
-        most_thickness: ((THICKNESS * short).round() as usize).max(3),
-        bare: ((BARE * short).round() as usize).max(2),
-    };
+    let limits = limits(ink);
     let mut lines = level_lines(ink, &limits, false);
     lines.extend(level_lines(&transposed(ink), &limits, true));
     lines
+}
+
+fn limits(ink: &Bits) -> Limits {
+    let short = ink.width.min(ink.height) as f64;
+    Limits {
+        least_run: ((RUN * ink.width.max(ink.height) as f64) as usize).max(8),
+        most_thickness: ((THICKNESS * short).round() as usize).max(3),
+        bare: ((BARE * short).round() as usize).max(2),
+    }
 }
 
 fn page_length(line: &Line, w: usize, h: usize) -> f64 {
