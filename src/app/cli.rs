@@ -6,6 +6,7 @@ use super::config::{Config, ConfigArgs};
 use super::draw::{self, DrawArgs};
 use super::evaluate::{self, EvaluateArgs};
 use super::failure::Failure;
+use super::page::{self, PageArgs};
 use super::reconstruct::{self, ReconstructArgs};
 use super::study::{self, StudyArgs};
 use super::{serve, telemetry};
@@ -26,6 +27,8 @@ enum Command {
     Worker(ConfigArgs),
     /// Reconstruct a sheet from local files, without a service
     Reconstruct(ReconstructArgs),
+    /// Find the views on a page of drawings and make a sheet of them
+    Page(PageArgs),
     /// Draw a model sheet from a 3D model, with its ground truth
     Draw(DrawArgs),
     /// Measure the turntable method on sheets with ground truth
@@ -44,6 +47,7 @@ pub(super) fn run() -> Result<(), Failure> {
         Command::Serve(args) => serve::serve(&settings(args, &matches)?),
         Command::Worker(args) => serve::worker(&settings(args, &matches)?),
         Command::Reconstruct(args) => reconstruct::run(&args),
+        Command::Page(args) => page::run(&args),
         Command::Draw(args) => draw::run(&args),
         Command::Evaluate(args) => evaluate::run(&args),
         Command::Study(args) => study::run(&args),

@@ -9,6 +9,7 @@ mod draw;
 mod evaluate;
 mod failure;
 mod inputs;
+mod page;
 mod progress_bar;
 mod reconstruct;
 mod serve;

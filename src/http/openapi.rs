@@ -119,7 +119,7 @@ fn upload_schema() -> Value {
     let picture = json!({"type": "string", "format": "binary"});
     json!({
         "type": "object",
-        "description": "One of three forms: parts `view[AZIMUTH]`; a part `sheet` with the files it names, as parts `image` found by their file names or as parts named like the files; a part `source`. Options come as a part `options`, and singly by their dotted names, such as `disparity.block_size`; later ones in this list lie over earlier ones: the source's, the sheet's, the part's, single ones.",
+        "description": "One of four forms: parts `view[AZIMUTH]`; a part `page` with all views on it; a part `sheet` with the files it names, as parts `image` found by their file names or as parts named like the files; a part `source`. Options come as a part `options`, and singly by their dotted names, such as `disparity.block_size`; later ones in this list lie over earlier ones: the source's, the sheet's, the part's, single ones.",
         "properties": {
             "sheet": {"$ref": "#/components/schemas/SheetDocument"},
             "image": {"type": "array", "items": picture,
@@ -128,6 +128,10 @@ fn upload_schema() -> Value {
             "truth": truth_schema(),
             "truth_model": {"type": "string", "format": "binary",
                 "description": "The true model (OBJ, PLY, STL, GLB, glTF), its origin on the turntable axis at the pictures' middle row; `truth` then gives `pixels_per_unit`. In the sheet form the document names it."},
+            "page": {"type": "string", "format": "binary",
+                "description": "A picture with several views on it, or an animated GIF of a turn: its figures are found and cut out."},
+            "azimuths": {"type": "string", "default": "auto", "examples": ["0,45,90,180"],
+                "description": "The azimuths of the page's figures in reading order, degrees; `auto` guesses them."},
             "source": {"type": "string", "format": "uuid",
                 "description": "An earlier reconstruction: its views are taken again, and its options for those not given."},
             "view[0]": picture, "view[45]": picture, "view[90]": picture,

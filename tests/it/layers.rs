@@ -12,6 +12,7 @@ const PURE: &[&str] = &[
     "frames",
     "mesh",
     "options",
+    "page",
     "picture",
     "prior",
     "progress",

@@ -4,7 +4,7 @@
 use crate::options::CleanOptions;
 use crate::raster::{Bits, filled};
 use crate::report::{Box2, Removed, RemovedKind};
-use crate::straight::{Limits, Line, level_lines, transposed};
+use crate::straight::{Limits, Line, level_lines, level_rows, transposed};
 
 /// The thickest line, share of the page's shorter side.
 const THICKNESS: f64 = 0.011;
@@ -30,6 +30,12 @@ const LOOSE_LENGTH: f64 = 0.1;
 /// If drawing every second stretch again encloses less than this of what all
 /// do, the count was wrong.
 const ALTERNATING: f64 = 0.85;
+/// On pages of several figures: a guide's length, how much of it is alone and
+/// drawn at all, shares of the page's length or of its own.
+const PAGE_GUIDE_LENGTH: f64 = 0.25;
+const PAGE_ALONE: f64 = 0.12;
+const PAGE_ALONE_LENGTH: f64 = 0.06;
+const PAGE_DRAWN: f64 = 0.96;
 /// On pages smaller than this nothing is a guide, px.
 const LEAST_PAGE: usize = 120;
 
@@ -50,7 +56,7 @@ pub(crate) fn without_frame(ink: &Bits, stroke_px: f64) -> Cleaned {
     }
     if let Some(frame) = frame_of(&lines_of(ink), ink) {
         let bounds = frame.iter().map(|line| bounds_of(line, w, h)).reduce(|a, b| a.joined(&b));
-        cleaned.cut_all(&frame, stroke_px);
+        cleaned.cut_all(&frame, stroke_px, Restore::Best);
         cleaned
             .removed
             .push(Removed { kind: RemovedKind::Frame, place: bounds.unwrap_or_default() });
@@ -62,6 +68,38 @@ pub(crate) fn without_frame(ink: &Bits, stroke_px: f64) -> Cleaned {
 ///
 /// * `stroke_px`: the width of the drawing's strokes.
 pub(crate) fn without_lines(ink: &Bits, stroke_px: f64, options: &CleanOptions) -> Cleaned {
+    without(ink, stroke_px, options, Restore::Best, &lines_of, &kind_of)
+}
+
+/// Removes straight lines that are of none of the figures on a page.
+///
+/// * `drawn`: ink and areas of colour; lines may go on behind these.
+pub(crate) fn without_page_lines(
+    ink: &Bits,
+    drawn: &Bits,
+    stroke_px: f64,
+    options: &CleanOptions,
+) -> Cleaned {
+    let kind = |line: &Line, ink: &Bits| page_kind_of(line, ink, drawn);
+    without(ink, stroke_px, options, Restore::Crossings, &page_lines_of, &kind)
+}
+
+/// What of a removed line is drawn again: what closes the figure on it best, or
+/// only where strokes go on across it, which leaves several figures apart.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Restore {
+    Best,
+    Crossings,
+}
+
+fn without(
+    ink: &Bits,
+    stroke_px: f64,
+    options: &CleanOptions,
+    restored: Restore,
+    lines_of: &dyn Fn(&Bits) -> Vec<Line>,
+    kind_of: &dyn Fn(&Line, &Bits) -> Option<RemovedKind>,
+) -> Cleaned {
     let mut cleaned = Cleaned { ink: ink.clone(), removed: Vec::new() };
     let (w, h) = (ink.width, ink.height);
     if w.min(h) < LEAST_PAGE {
@@ -87,16 +125,20 @@ pub(crate) fn without_lines(ink: &Bits, stroke_px: f64, options: &CleanOptions) 
         };
         cleaned.removed.extend(found.iter().map(place));
         let lines: Vec<Line> = found.into_iter().map(|(line, _)| line).collect();
-        cleaned.cut_all(&lines, stroke_px);
+        cleaned.cut_all(&lines, stroke_px, restored);
     }
     cleaned
 }
 
 impl Cleaned {
     /// Removes lines, then draws again what closes the figure on them.
-    fn cut_all(&mut self, lines: &[Line], stroke_px: f64) {
+    fn cut_all(&mut self, lines: &[Line], stroke_px: f64, restored: Restore) {
         let before = self.ink.clone();
         lines.iter().for_each(|line| cut(&mut self.ink, line));
+        if restored == Restore::Crossings {
+            lines.iter().for_each(|line| cross(&mut self.ink, line));
+            return;
+        }
         for line in lines {
             let runs = contacts(&self.ink, line, stroke_px);
             if runs.len() < 2 {
@@ -108,23 +150,47 @@ impl Cleaned {
                 let area = filled(&ink).count() as f64;
                 (ink, area)
             };
-            let (all, all_area) = with(1);
             let (alternating, area) = with(2);
+            let (all, all_area) = with(1);
             self.ink = if area >= ALTERNATING * all_area { alternating } else { all };
         }
     }
 }
 
+/// As [`lines_of`], and level and upright lines of which only short stretches
+/// show between figures.
+fn page_lines_of(ink: &Bits) -> Vec<Line> {
+    let mut lines = lines_of(ink);
+    let limits = limits(ink);
+    let least = |length: usize| (PAGE_ALONE_LENGTH * length as f64) as usize + 1;
+    let mut rows = level_rows(ink, &limits, least(ink.width), false);
+    rows.extend(level_rows(&transposed(ink), &limits, least(ink.height), true));
+    rows.retain(|row| {
+        let same = |line: &Line| {
+            line.upright == row.upright
+                && (line.across(row.from) - row.at).abs() <= 3.0
+                && line.length() * 10 >= row.length() * 9
+        };
+        !lines.iter().any(same)
+    });
+    lines.extend(rows);
+    lines
+}
+
 fn lines_of(ink: &Bits) -> Vec<Line> {
-    let short = ink.width.min(ink.height) as f64;
-    let limits = Limits {
-        least_run: ((RUN * ink.width.max(ink.height) as f64) as usize).max(8),
-        most_thickness: ((THICKNESS * short).round() as usize).max(3),
-        bare: ((BARE * short).round() as usize).max(2),
-    };
+    let limits = limits(ink);
     let mut lines = level_lines(ink, &limits, false);
     lines.extend(level_lines(&transposed(ink), &limits, true));
     lines
+}
+
+fn limits(ink: &Bits) -> Limits {
+    let short = ink.width.min(ink.height) as f64;
+    Limits {
+        least_run: ((RUN * ink.width.max(ink.height) as f64) as usize).max(8),
+        most_thickness: ((THICKNESS * short).round() as usize).max(3),
+        bare: ((BARE * short).round() as usize).max(2),
+    }
 }
 
 fn page_length(line: &Line, w: usize, h: usize) -> f64 {
@@ -177,6 +243,56 @@ fn kind_of(line: &Line, ink: &Bits) -> Option<RemovedKind> {
     }
     let long = long >= GUIDE_LENGTH * page;
     Some(if long { RemovedKind::Guide } else { RemovedKind::DimensionLine })
+}
+
+/// What a line on a page of several figures is, if it is of none of them: it is
+/// drawn all along, alone for a good part and ends free, or is as long as the
+/// page.
+fn page_kind_of(line: &Line, ink: &Bits, drawn: &Bits) -> Option<RemovedKind> {
+    let page = page_length(line, ink.width, ink.height);
+    let long = line.length() as f64;
+    let alone = line.alone.iter().filter(|is| **is).count() as f64;
+    let free = line.ahead.iter().filter(|px| **px > 0).count();
+    let ends = free == 2 || (free == 1 && long >= 0.5 * page) || long >= 0.8 * page;
+    let is_alone = alone >= PAGE_ALONE * long && alone >= PAGE_ALONE_LENGTH * page;
+    if long < PAGE_GUIDE_LENGTH * page || !is_alone || !ends || !is_drawn_along(line, drawn) {
+        let loose = kind_of(line, ink).filter(|_| is_drawn_along(line, drawn));
+        return loose.filter(|kind| *kind == RemovedKind::DimensionLine);
+    }
+    let ground = !line.upright && is_bare_just_below(line, ink);
+    Some(if ground { RemovedKind::GroundLine } else { RemovedKind::Guide })
+}
+
+/// Whether a line, or what it may go on behind, is drawn nearly all along.
+fn is_drawn_along(line: &Line, drawn: &Bits) -> bool {
+    let half = line.thickness / 2.0 + 1.0;
+    let is = |along: &usize| {
+        let middle = line.across(*along);
+        let (low, high) = ((middle - half).floor() as i64, (middle + half).ceil() as i64);
+        (low..high).any(|across| {
+            let along = *along as i64;
+            if line.upright { drawn.at(across, along) } else { drawn.at(along, across) }
+        })
+    };
+    let count = (line.from..line.to).filter(is).count();
+    count as f64 >= PAGE_DRAWN * line.length() as f64
+}
+
+/// Whether figures stand on a level line: something is drawn just above it, and
+/// hardly anything just below.
+fn is_bare_just_below(line: &Line, ink: &Bits) -> bool {
+    let reach = 0.03 * ink.height as f64;
+    let half = line.thickness / 2.0 + 2.0;
+    let count = |side: f64| {
+        (line.from..line.to)
+            .filter(|&x| {
+                let (a, b) = (line.across(x) + side * half, line.across(x) + side * (half + reach));
+                let (low, high) = (a.min(b).floor() as i64, a.max(b).ceil() as i64);
+                (low..high).any(|y| ink.at(x as i64, y))
+            })
+            .count() as f64
+    };
+    count(1.0) < 0.3 * count(-1.0)
 }
 
 /// Whether hardly anything is drawn below a level line and something above.
@@ -275,6 +391,26 @@ fn cut(ink: &mut Bits, line: &Line) {
             _ => (band.0.max(low)..band.1.min(high)).for_each(|y| view.set(along, y, false)),
         }
     }
+}
+
+/// Draws strokes again that go on across a line that was removed.
+fn cross(ink: &mut Bits, line: &Line) {
+    const REACH: i64 = 3;
+    const ASIDE: i64 = 2;
+    let mut view = Along { ink, upright: line.upright };
+    let half = line.thickness / 2.0 + 0.3;
+    let mut again = Vec::new();
+    for along in line.from as i64..line.to as i64 {
+        let middle = line.across(along as usize);
+        let (low, high) = ((middle - half).floor() as i64, (middle + half).ceil() as i64);
+        let near = |across: std::ops::Range<i64>| {
+            across.into_iter().any(|y| (-ASIDE..=ASIDE).any(|dx| view.at(along + dx, y)))
+        };
+        if near(low - REACH..low) && near(high..high + REACH) {
+            again.extend((low - 1..high + 1).map(|across| (along, across)));
+        }
+    }
+    again.into_iter().for_each(|(along, across)| view.set(along, across, true));
 }
 
 /// Where strokes meet a line, as runs along it, if they come from one side only.

@@ -5,7 +5,8 @@
 //! flat or shaded colour, a cut-out) on any even paper, cleans it and returns
 //! the subject's mask, its lines and its colours. [`align`] reconciles scale,
 //! height and turning axis of several views. [`hypotheses`] tests whether views
-//! fit better at other azimuths. All of it is pure: no files, no clock.
+//! fit better at other azimuths. [`Marks`] is what is drawn on a whole page, for
+//! those who look for several subjects there. All of it is pure: no files, no clock.
 //!
 //! Azimuths are degrees, 0 the front, growing so that at 90 the subject's left
 //! side is seen and it faces the image's left.
@@ -19,10 +20,11 @@ mod hypotheses;
 mod ink;
 mod lettering;
 mod linear;
+mod marks;
 mod options;
 mod paper;
 mod pieces;
-mod raster;
+pub mod raster;
 mod refine;
 mod report;
 mod straight;
@@ -35,7 +37,9 @@ pub use align::{
     AlignOptions, Aligned, Alignment, Canvas, Transform, View, ViewAlignment, align, apply, trust,
 };
 pub use hypotheses::{Hypotheses, HypothesisOptions, Suggestion, Verdict, hypotheses};
+pub use marks::{Marks, enclosed};
 pub use options::{CleanOptions, Hints, HolePolicy, Removal, SubjectOptions};
+pub use paper::{Paper, PaperRow};
 pub use report::{
     Box2, DrawingKind, Gap, PaperSummary, Piece, PieceRole, Point, Polarity, Removed, RemovedKind,
     Side, Warning,

@@ -18,7 +18,8 @@ const SMOOTH_SHARE: f64 = 0.06;
 const FLAT: f32 = 1.5;
 
 /// The paper's colour at every pixel, bilinear between cells.
-pub(crate) struct Paper {
+#[derive(Clone, Debug)]
+pub struct Paper {
     across: usize,
     down: usize,
     cell_px: f32,
@@ -32,14 +33,16 @@ pub(crate) struct Paper {
 }
 
 /// The paper's colours along one row.
-pub(crate) struct PaperRow {
+#[derive(Clone, Debug)]
+pub struct PaperRow {
     flat: Option<[f32; 3]>,
     cells: Vec<[f32; 3]>,
     per_px: f32,
 }
 
 impl PaperRow {
-    pub(crate) fn at(&self, x: usize) -> [f32; 3] {
+    /// The colour at the column `x`, sRGB levels.
+    pub fn at(&self, x: usize) -> [f32; 3] {
         if let Some(flat) = self.flat {
             return flat;
         }
@@ -233,7 +236,7 @@ impl Paper {
     }
 
     /// The paper's colours along the pixel row `y`.
-    pub(crate) fn row(&self, y: usize) -> PaperRow {
+    pub fn row(&self, y: usize) -> PaperRow {
         if self.flat.is_some() {
             return PaperRow { flat: self.flat, cells: Vec::new(), per_px: 1.0 };
         }

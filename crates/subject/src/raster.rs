@@ -6,45 +6,54 @@ use picture::{border, flooded};
 
 /// A rectangle of values, row by row.
 #[derive(Clone, Debug)]
-pub(crate) struct Raster<T> {
-    pub(crate) width: usize,
-    pub(crate) height: usize,
-    pub(crate) data: Vec<T>,
+pub struct Raster<T> {
+    /// Values a row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Row by row.
+    pub data: Vec<T>,
 }
 
 /// Which pixels belong to something.
-pub(crate) type Bits = Raster<bool>;
+pub type Bits = Raster<bool>;
 
 impl<T: Clone> Raster<T> {
-    pub(crate) fn filled(width: usize, height: usize, value: T) -> Self {
+    /// The same value everywhere.
+    pub fn filled(width: usize, height: usize, value: T) -> Self {
         Self { width, height, data: vec![value; width * height] }
     }
 
-    pub(crate) fn row(&self, y: usize) -> &[T] {
+    /// The values of the row `y`.
+    pub fn row(&self, y: usize) -> &[T] {
         &self.data[y * self.width..(y + 1) * self.width]
     }
 }
 
 impl<T: Copy + Default> Raster<T> {
     /// The value at `(x, y)`; the type's default outside.
-    pub(crate) fn at(&self, x: i64, y: i64) -> T {
+    pub fn at(&self, x: i64, y: i64) -> T {
         let inside = x >= 0 && y >= 0 && (x as usize) < self.width && (y as usize) < self.height;
         if inside { self.data[y as usize * self.width + x as usize] } else { T::default() }
     }
 }
 
 impl Bits {
-    pub(crate) fn count(&self) -> usize {
+    /// How many pixels are set.
+    pub fn count(&self) -> usize {
         self.data.iter().filter(|is| **is).count()
     }
 
-    pub(crate) fn set(&mut self, x: i64, y: i64, value: bool) {
+    /// Sets or clears a pixel; nothing happens outside.
+    pub fn set(&mut self, x: i64, y: i64, value: bool) {
         if x >= 0 && y >= 0 && (x as usize) < self.width && (y as usize) < self.height {
             self.data[y as usize * self.width + x as usize] = value;
         }
     }
 
-    pub(crate) fn not(&self) -> Self {
+    /// What is not set.
+    #[must_use]
+    pub fn not(&self) -> Self {
         Self {
             width: self.width,
             height: self.height,
@@ -52,18 +61,22 @@ impl Bits {
         }
     }
 
-    pub(crate) fn or(mut self, other: &Self) -> Self {
+    /// What is set in either; both have the same size.
+    #[must_use]
+    pub fn or(mut self, other: &Self) -> Self {
         self.data.iter_mut().zip(&other.data).for_each(|(own, other)| *own |= other);
         self
     }
 
-    pub(crate) fn and_not(mut self, other: &Self) -> Self {
+    /// What is set here and not in `other`, which has the same size.
+    #[must_use]
+    pub fn and_not(mut self, other: &Self) -> Self {
         self.data.iter_mut().zip(&other.data).for_each(|(own, other)| *own &= !other);
         self
     }
 
     /// The bounds of what is set.
-    pub(crate) fn bounds(&self) -> Option<Box2> {
+    pub fn bounds(&self) -> Option<Box2> {
         let mut found: Option<Box2> = None;
         for y in 0..self.height {
             let row = self.row(y);
@@ -85,7 +98,7 @@ impl Bits {
     ///
     /// # Source
     /// Felzenszwalb & Huttenlocher 2012, Distance transforms of sampled functions.
-    pub(crate) fn distance(&self) -> Raster<f32> {
+    pub fn distance(&self) -> Raster<f32> {
         const FAR: f32 = 1e12;
         let (w, h) = (self.width, self.height);
         let mut squared: Vec<f32> =
@@ -116,17 +129,23 @@ impl Bits {
         Raster { width: w, height: h, data: squared }
     }
 
-    pub(crate) fn dilated(&self, radius: f32) -> Self {
+    /// What is within `radius` pixels of something set.
+    #[must_use]
+    pub fn dilated(&self, radius: f32) -> Self {
         let distance = self.distance();
         self.map_of(&distance, |d| d <= radius)
     }
 
-    pub(crate) fn eroded(&self, radius: f32) -> Self {
+    /// What is farther than `radius` pixels from everything that is not set.
+    #[must_use]
+    pub fn eroded(&self, radius: f32) -> Self {
         let distance = self.not().distance();
         self.map_of(&distance, |d| d > radius)
     }
 
-    pub(crate) fn opened(&self, radius: f32) -> Self {
+    /// What a disc of this radius covers that stays within.
+    #[must_use]
+    pub fn opened(&self, radius: f32) -> Self {
         self.eroded(radius).dilated(radius)
     }
 
@@ -136,23 +155,25 @@ impl Bits {
     }
 
     /// The set pixels connected (by sides) to the image's border.
-    pub(crate) fn reached_from_border(&self) -> Self {
+    #[must_use]
+    pub fn reached_from_border(&self) -> Self {
         self.flooded(border(self.width, self.height))
     }
 
-    /// The set pixels connected (by sides) to `seeds`.
-    pub(crate) fn flooded(&self, seeds: Vec<usize>) -> Self {
+    /// The set pixels connected (by sides) to `seeds`, which are indices.
+    #[must_use]
+    pub fn flooded(&self, seeds: Vec<usize>) -> Self {
         let data = flooded(self.width, self.data.clone(), seeds);
         Self { width: self.width, height: self.height, data }
     }
 
     /// Parts connected by sides and corners, in the order of their first pixel.
-    pub(crate) fn components(&self, corners: bool) -> Components {
+    pub fn components(&self, corners: bool) -> Components {
         Components::of(self, corners)
     }
 
     /// Sets the pixels whose centre is inside `polygon`.
-    pub(crate) fn fill_polygon(&mut self, polygon: &[Point], value: bool) {
+    pub fn fill_polygon(&mut self, polygon: &[Point], value: bool) {
         for y in 0..self.height {
             let mid = y as f64 + 0.5;
             let mut crossings: Vec<f64> = Vec::new();
@@ -229,16 +250,19 @@ impl Lower {
 
 /// One connected part.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Component {
-    pub(crate) area: usize,
-    pub(crate) bounds: Box2,
+pub struct Component {
+    /// Its pixels.
+    pub area: usize,
+    /// The smallest rectangle around it.
+    pub bounds: Box2,
 }
 
 /// The connected parts of a [`Bits`].
-pub(crate) struct Components {
+pub struct Components {
     /// Per pixel 0, or one more than the part's index.
-    pub(crate) labels: Vec<u32>,
-    pub(crate) parts: Vec<Component>,
+    pub labels: Vec<u32>,
+    /// In the order of their first pixel.
+    pub parts: Vec<Component>,
 }
 
 impl Components {
@@ -313,7 +337,7 @@ impl Components {
     }
 
     /// The pixels of the parts that `keep` names, by index.
-    pub(crate) fn select(&self, width: usize, keep: impl Fn(usize) -> bool) -> Bits {
+    pub fn select(&self, width: usize, keep: impl Fn(usize) -> bool) -> Bits {
         let kept: Vec<bool> = (0..self.parts.len()).map(keep).collect();
         let data: Vec<bool> =
             self.labels.iter().map(|&label| label != 0 && kept[label as usize - 1]).collect();
@@ -323,7 +347,7 @@ impl Components {
 
 /// What paper connected to the border does not reach, where `barrier` holds it
 /// off; openings of up to two pixels hold it off too.
-pub(crate) fn filled(barrier: &Bits) -> Bits {
+pub fn filled(barrier: &Bits) -> Bits {
     let near = grown(barrier);
     let mut outside = near.not().reached_from_border();
     // Paper creeps back to the lines that it was held off from.
@@ -341,7 +365,7 @@ pub(crate) fn filled(barrier: &Bits) -> Bits {
 }
 
 /// Dilated by one pixel in all eight directions.
-pub(crate) fn grown(bits: &Bits) -> Bits {
+pub fn grown(bits: &Bits) -> Bits {
     let (w, h) = (bits.width, bits.height);
     let mut wide = bits.clone();
     for (row, from) in wide.data.chunks_exact_mut(w.max(1)).zip(bits.data.chunks_exact(w.max(1))) {

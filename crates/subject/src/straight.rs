@@ -81,6 +81,53 @@ pub(crate) fn level_lines(ink: &Bits, limits: &Limits, upright: bool) -> Vec<Lin
     chains.into_iter().map(|piece| measured(piece, ink, &thin, limits, upright)).collect()
 }
 
+/// Exactly level lines by their rows alone: those along which much thin ink is
+/// bare on both sides, wherever it is and however short its runs are.
+pub(crate) fn level_rows(ink: &Bits, limits: &Limits, least: usize, upright: bool) -> Vec<Line> {
+    let (w, h) = (ink.width, ink.height);
+    let thin = thin_across(ink, limits.most_thickness);
+    // Per row how many bare thin runs have their middle there, their sum of
+    // lengths, and the first and last column of them.
+    let mut rows = vec![(0_usize, 0_usize, w, 0_usize); h];
+    for x in 0..w {
+        let mut y = 0;
+        while y < h {
+            if !thin.data[y * w + x] {
+                y += 1;
+                continue;
+            }
+            let from = y;
+            while y < h && thin.data[y * w + x] {
+                y += 1;
+            }
+            let above = (from.saturating_sub(limits.bare)..from).any(|v| ink.data[v * w + x]);
+            let below = (y..(y + limits.bare).min(h)).any(|v| ink.data[v * w + x]);
+            if !above && !below {
+                let row = &mut rows[(from + y - 1) / 2];
+                *row = (row.0 + 1, row.1 + y - from, row.2.min(x), row.3.max(x));
+            }
+        }
+    }
+    let near = |y: usize| y.saturating_sub(1)..(y + 2).min(h);
+    let count = |y: usize| near(y).map(|v| rows[v].0).sum::<usize>();
+    let is_peak = |y: &usize| {
+        let own = count(*y);
+        own >= least && near(*y).all(|v| (count(v), v) <= (own, *y))
+    };
+    let piece = |y: usize| {
+        let sum: usize = near(y).map(|v| rows[v].1).sum();
+        let place: f64 = near(y).map(|v| (v as f64 + 0.5) * rows[v].0 as f64).sum();
+        Straight {
+            from: near(y).map(|v| rows[v].2).min().unwrap_or(0),
+            to: near(y).map(|v| rows[v].3).max().unwrap_or(0) + 1,
+            at: place / count(y) as f64,
+            slope: 0.0,
+            thickness: sum as f64 / count(y) as f64,
+        }
+    };
+    (0..h).filter(is_peak).map(|y| measured(piece(y), ink, &thin, limits, upright)).collect()
+}
+
 /// Ink whose run down its column is no longer than `most`.
 fn thin_across(ink: &Bits, most: usize) -> Bits {
     let (w, h) = (ink.width, ink.height);

@@ -17,11 +17,11 @@ pub(crate) type Area = Bits;
 /// More of the subject in areas of colour is a coloured drawing.
 const COLOURED: f64 = 0.3;
 /// And with more it is painted all over.
-const PAINTED: f64 = 0.6;
+pub(crate) const PAINTED: f64 = 0.6;
 /// Strokes are at most this wide, share of the figure's size.
 const THICKEST: f64 = 0.025;
 /// Colour differs clearly from paper from here on, levels.
-const CLEAR_COLOUR: f32 = 11.0;
+pub(crate) const CLEAR_COLOUR: f32 = 11.0;
 /// What differs from paper by less than this share of what painted areas do is
 /// a halo of their compression.
 const HALO: f32 = 0.18;
@@ -345,8 +345,20 @@ impl Structure {
     }
 }
 
+/// What lines enclose once the gaps between them are closed.
+pub(crate) fn enclosed_lines(
+    barrier: &Bits,
+    lines: &Bits,
+    stroke_px: f64,
+    options: &SubjectOptions,
+) -> Bits {
+    let mut own = Structure::empty(DrawingKind::LineArt, 1, barrier);
+    own.stroke = stroke_px;
+    own.close_gaps(&mut barrier.clone(), lines, options)
+}
+
 /// The width of most strokes; filled figures have none that counts.
-fn stroke_of(lines: &Bits) -> f64 {
+pub(crate) fn stroke_of(lines: &Bits) -> f64 {
     let most = (THICKEST * figure_size(&main_bounds(lines))).max(1.0);
     strokes::typical_width(lines).min(most)
 }
@@ -395,7 +407,7 @@ pub(crate) fn above(values: &Raster<f32>, threshold: f32) -> Bits {
     Bits { width: values.width, height: values.height, data }
 }
 
-fn reduced_mask(mask: &GrayImage, factor: usize) -> Bits {
+pub(crate) fn reduced_mask(mask: &GrayImage, factor: usize) -> Bits {
     let (w, h) = (mask.width() as usize, mask.height() as usize);
     let (rw, rh) = (w.div_ceil(factor), h.div_ceil(factor));
     let mut counts = vec![0_u32; rw * rh];

@@ -56,16 +56,16 @@ problem_types! {
         "Add views, or choose a method that takes fewer.";
     MISSING_PART = UNPROCESSABLE_ENTITY "missing-part",
         "A part is missing",
-        "Send the drawings as parts view[AZIMUTH], or a part sheet with the files it names, or a part source with the id of an earlier reconstruction. A sheet to be drawn needs a part model.";
+        "Send the drawings as parts view[AZIMUTH], or a part page with all of them, or a part sheet with the files it names, or a part source with the id of an earlier reconstruction. A sheet to be drawn needs a part model.";
     UNKNOWN_PART = UNPROCESSABLE_ENTITY "unknown-part",
         "A part is not known",
-        "Parts are view[AZIMUTH], mask[AZIMUTH], truth[AZIMUTH], truth, truth_model, sheet, image, mask, options, source and single options by their dotted names; of a sheet to be drawn, model, azimuths, up_axis and options. A file in the sheet form must be named by the sheet document.";
+        "Parts are view[AZIMUTH], mask[AZIMUTH], truth[AZIMUTH], truth, truth_model, sheet, image, mask, page, azimuths, options, source and single options by their dotted names; of a sheet to be drawn, model, azimuths, up_axis and options. A file in the sheet form must be named by the sheet document.";
     DUPLICATE_PART = UNPROCESSABLE_ENTITY "duplicate-part",
         "A part is given twice",
         "Give every part, every option and every file name once.";
     CONFLICTING_PARTS = UNPROCESSABLE_ENTITY "conflicting-parts",
         "Parts of different upload forms are mixed",
-        "Use one form: view[AZIMUTH] parts, or a sheet document with its files, or a source.";
+        "Use one form: view[AZIMUTH] parts, or a page, or a sheet document with its files, or a source.";
     MISSING_FILE = UNPROCESSABLE_ENTITY "missing-file",
         "The sheet names a file that was not sent",
         "Send a part with that file name for every picture that the sheet document names.";
@@ -81,6 +81,12 @@ problem_types! {
     EMPTY_FILE = UNPROCESSABLE_ENTITY "empty-file",
         "A file is empty",
         "The part has no bytes. Check the path that the client read the file from.";
+    NO_FIGURE = UNPROCESSABLE_ENTITY "no-figure",
+        "No figure was found on the page",
+        "Nothing on the page looks like a whole figure: it is blank, or all that is drawn on it are lettering, lines and small details. Send the views one by one as parts view[AZIMUTH].";
+    WRONG_NUMBER_OF_FIGURES = UNPROCESSABLE_ENTITY "wrong-number-of-figures",
+        "The page has another number of figures than there are azimuths",
+        "The problem's detail lists the figures that were found. Give one azimuth for each in that order, write auto, or send the views one by one as parts view[AZIMUTH].";
     NOT_AN_IMAGE = UNPROCESSABLE_ENTITY "not-an-image",
         "A file is not an image",
         "Drawings and masks are PNG, JPEG, WebP, TIFF or GIF files with one picture each; the file's first bytes decide, not its name.";

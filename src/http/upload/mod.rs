@@ -10,6 +10,7 @@ mod intake;
 mod matches;
 mod model;
 mod option_parts;
+mod page;
 mod parts;
 mod pictures;
 mod source;

@@ -7,6 +7,7 @@ use serde_json::Value;
 use super::assemble::assemble;
 use super::intake::multipart_problem;
 use super::option_parts::GivenOptions;
+use super::page::PageParts;
 use super::pictures::{check_start, image_problem};
 use super::{Form, Inputs, Upload, source, truths};
 use crate::http::problem::{
@@ -48,6 +49,7 @@ pub(crate) struct Parts {
     /// Matches of pairs, in any form of upload.
     pub matches: Vec<Value>,
     pub given: GivenOptions,
+    pub page: PageParts,
     pub source: Option<String>,
 }
 
@@ -64,6 +66,8 @@ enum Kind {
     Sheet,
     Matches,
     Options,
+    Page,
+    Azimuths,
     Source,
     Field,
 }
@@ -137,6 +141,14 @@ impl Form for Parts {
                 self.matches.push(read_json(field, &name, limits).await?);
             }
             Kind::Options => self.given.read_document(field, &name, limits).await?,
+            Kind::Page => {
+                expect_new(self.page.page.is_none(), &name)?;
+                self.page.page = Some(read_picture(field, name, limits).await?);
+            }
+            Kind::Azimuths => {
+                expect_new(self.page.azimuths.is_none(), &name)?;
+                self.page.azimuths = Some(read_text(field, &name).await?);
+            }
             Kind::Source => {
                 expect_new(self.source.is_none(), &name)?;
                 self.source = Some(read_text(field, &name).await?);
@@ -147,6 +159,12 @@ impl Form for Parts {
     }
 
     async fn check(mut self, api: &Api) -> Result<Upload, Problem> {
+        if let Some(part) = self.page.any() {
+            let others = [self.source.as_ref().map(|_| "source".to_owned()), self.any_of_others()];
+            self.expect_only(&part, [others[0].as_ref(), others[1].as_ref(), None])?;
+            let page = std::mem::take(&mut self.page);
+            self.views = page.views(&api.decoders, &api.limits).await?;
+        }
         let (document, source, inputs) = match self.source.take() {
             Some(source) => {
                 let (id, document) = source::rerun(api, &source, self).await?;
@@ -202,6 +220,13 @@ impl Parts {
             return Ok(());
         }
         Err(too_many(part, limits))
+    }
+
+    /// The name of a part that places drawings in another way than a page.
+    fn any_of_others(&self) -> Option<String> {
+        let sheet = self.sheet.as_ref().map(|_| "sheet".to_owned());
+        let file = self.files.first().map(|file| file.file.clone());
+        self.any_of_views_form().or(sheet).or(file)
     }
 
     /// The name of a part of the form `view[…]`, if there is one.
@@ -272,6 +297,8 @@ fn kind(name: &str, file_name: Option<&str>) -> Result<Kind, Problem> {
         ("truth_model", Some(file)) if !file.is_empty() => Ok(Kind::TruthModel(file.to_owned())),
         ("matches", _) => Ok(Kind::Matches),
         ("options", _) => Ok(Kind::Options),
+        ("page", Some(_)) => Ok(Kind::Page),
+        ("azimuths", None) => Ok(Kind::Azimuths),
         ("source", _) => Ok(Kind::Source),
         ("image" | "mask", Some(file)) if !file.is_empty() => Ok(Kind::Picture(file.to_owned())),
         ("truth_model", _) => {

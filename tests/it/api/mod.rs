@@ -3,6 +3,7 @@
 mod artifacts;
 pub(crate) mod harness;
 mod matches;
+mod page_uploads;
 mod resources;
 mod service;
 mod sheet_problems;

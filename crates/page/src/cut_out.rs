@@ -1,0 +1,89 @@
+//! Each view of a page as a picture of its own, and the sheet that they make.
+
+use image::{Rgba, RgbaImage};
+use sheet::{SheetDocument, ViewDocument};
+use subject::raster::Bits;
+
+use crate::blobs::LETTERS;
+use crate::proposal::{FIRST, NOBODY, PageProposal};
+
+/// Paper left about a view, share of its height.
+const MARGIN: f64 = 0.08;
+/// What is not of the view goes with the blur about it, working px.
+const BLUR: f32 = 2.0;
+
+/// The view `index` of `page` with paper about it. What else is drawn there is
+/// painted over with paper; guides that go through it stay, for the search of
+/// the subject tells them from it.
+///
+/// # Panics
+/// If the proposal has no such view or is of a page of another size.
+pub fn cut_out(page: &RgbaImage, proposal: &PageProposal, index: usize) -> RgbaImage {
+    assert_eq!(page.dimensions(), (proposal.width, proposal.height), "the page searched");
+    let place = proposal.figures[index].place;
+    let margin = (MARGIN * f64::from(place.height())).ceil().max(4.0) as u32;
+    let (left, top) = (place.left.saturating_sub(margin), place.top.saturating_sub(margin));
+    let right = (place.right + margin).min(proposal.width);
+    let bottom = (place.bottom + margin).min(proposal.height);
+    let mut cut = image::imageops::crop_imm(page, left, top, right - left, bottom - top).to_image();
+    let factor = proposal.factor as u32;
+    let from = [left / factor, top / factor];
+    let foreign = foreign(proposal, index, from, [right.div_ceil(factor), bottom.div_ceil(factor)]);
+    for y in 0..cut.height() {
+        let v = (top + y) / factor - from[1];
+        if !foreign.row(v as usize).contains(&true) {
+            continue;
+        }
+        let paper = proposal.field.row((top + y) as usize);
+        for x in 0..cut.width() {
+            if foreign.at(i64::from((left + x) / factor - from[0]), i64::from(v)) {
+                let [r, g, b] = paper.at((left + x) as usize).map(|level| level.round() as u8);
+                let alpha = if proposal.is_clear { 0 } else { 255 };
+                cut.put_pixel(x, y, Rgba([r, g, b, alpha]));
+            }
+        }
+    }
+    cut
+}
+
+/// Working pixels that others own, with the blur about them, but for those
+/// next to the view's own.
+fn foreign(
+    proposal: &PageProposal,
+    index: usize,
+    [left, top]: [u32; 2],
+    [right, bottom]: [u32; 2],
+) -> Bits {
+    let (w, h) = ((right - left) as usize, (bottom - top) as usize);
+    let mut own = Bits::filled(w, h, false);
+    let mut other = own.clone();
+    let place = &proposal.figures[index].place;
+    let factor = proposal.factor as u32;
+    let within = |x: u32, y: u32| {
+        (place.left / factor..place.right.div_ceil(factor)).contains(&x)
+            && (place.top / factor..place.bottom.div_ceil(factor)).contains(&y)
+    };
+    for y in 0..h {
+        for x in 0..w {
+            let (u, v) = (x + left as usize, y + top as usize);
+            let owner = proposal.owners.data[v * proposal.owners.width + u];
+            own.data[y * w + x] = owner == FIRST + index as u16;
+            // Within the view small marks in a row may be its own pattern.
+            let pattern = owner == LETTERS && within(u as u32, v as u32);
+            let drawn = owner != NOBODY && owner != FIRST + index as u16;
+            other.data[y * w + x] = drawn && !pattern;
+        }
+    }
+    other.dilated(BLUR).and_not(&own.dilated(BLUR / 2.0))
+}
+
+/// The sheet of the proposed views; `names` are those of the cut-outs, in order.
+pub fn sheet_document(proposals: &[PageProposal], names: &[String]) -> SheetDocument {
+    let figures = proposals.iter().flat_map(|proposal| &proposal.figures);
+    let view = |(figure, name): (&crate::Figure, &String)| ViewDocument {
+        image: name.clone(),
+        azimuth_deg: figure.azimuth.degrees(),
+        ..ViewDocument::default()
+    };
+    SheetDocument { views: figures.zip(names).map(view).collect(), ..SheetDocument::default() }
+}

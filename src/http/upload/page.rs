@@ -1,0 +1,112 @@
+//! A page in an upload: its figures become the views of the sheet.
+
+use bytes::Bytes;
+use image::RgbaImage;
+
+use super::parts::FilePart;
+use super::pictures::{Decoders, image_problem};
+use crate::http::HttpLimits;
+use crate::http::problem::{
+    DUPLICATE_AZIMUTH, INVALID_ANGLE, MISSING_PART, NO_FIGURE, Problem, TOO_MANY_PIXELS,
+    TOO_MANY_VIEWS, WRONG_NUMBER_OF_FIGURES,
+};
+use ::page::{AnimationError, PageError, PageOptions, PageProposal};
+use frames::Azimuth;
+use progress::Silent;
+
+/// The parts `page` and `azimuths`.
+#[derive(Debug, Default)]
+pub(crate) struct PageParts {
+    pub page: Option<FilePart>,
+    pub azimuths: Option<String>,
+}
+
+impl PageParts {
+    /// The name of a part that was given, if one was.
+    pub(super) fn any(&self) -> Option<String> {
+        let page = self.page.as_ref().map(|_| "page".to_owned());
+        page.or(self.azimuths.as_ref().map(|_| "azimuths".to_owned()))
+    }
+
+    /// The views of the page, cut out and encoded; none if there is no page.
+    pub(super) async fn views(
+        self,
+        decoders: &Decoders,
+        limits: &HttpLimits,
+    ) -> Result<Vec<(Azimuth, FilePart)>, Problem> {
+        let Some(page) = self.page else {
+            let detail = "`azimuths` is given without a `page` whose figures have them";
+            return match self.azimuths {
+                None => Ok(Vec::new()),
+                Some(_) => Err(Problem::new(MISSING_PART, detail).part("page")),
+            };
+        };
+        let azimuths = ::page::azimuth_order(self.azimuths.as_deref().unwrap_or("auto"));
+        let azimuths =
+            azimuths.map_err(|error| Problem::new(INVALID_ANGLE, error).part("azimuths"))?;
+        let limits = *limits;
+        decoders.run(move || cut(&page.bytes, azimuths.as_deref(), &limits)).await?
+    }
+}
+
+fn cut(
+    bytes: &Bytes,
+    azimuths: Option<&[Azimuth]>,
+    limits: &HttpLimits,
+) -> Result<Vec<(Azimuth, FilePart)>, Problem> {
+    let options = PageOptions {
+        max_figures: limits.max_views.min(PageOptions::default().max_figures),
+        ..PageOptions::default()
+    };
+    let pictures = ::page::decode(bytes, &limits.image, options.max_figures);
+    let pictures = pictures.map_err(|error| match error {
+        AnimationError::Picture(error) => image_problem("page", &error),
+        AnimationError::TooManyFrames { .. } => {
+            Problem::new(TOO_MANY_PIXELS, format!("`page` {error}; leave some out")).part("page")
+        }
+    })?;
+    let found = ::page::propose_all(&pictures, &options, &Silent);
+    let mut proposals = found.map_err(|error| page_problem(&error))?;
+    if let Some(azimuths) = azimuths {
+        ::page::set_azimuths(&mut proposals, azimuths)
+            .map_err(|error| number_problem(&error, &proposals))?;
+    }
+    let mut views = Vec::new();
+    for (picture, proposal) in pictures.iter().zip(&proposals) {
+        for (index, figure) in proposal.figures.iter().enumerate() {
+            let bytes = encoded(picture, proposal, index)?;
+            let file = format!("page, view {}", figure.azimuth);
+            views.push((figure.azimuth, FilePart { file, bytes }));
+        }
+    }
+    Ok(views)
+}
+
+fn encoded(picture: &RgbaImage, proposal: &PageProposal, index: usize) -> Result<Bytes, Problem> {
+    let png = picture::png(&::page::cut_out(picture, proposal, index));
+    png.map(Bytes::from).map_err(|error| Problem::internal("a view of the page", &error))
+}
+
+fn page_problem(error: &PageError) -> Problem {
+    let (kind, mend) = match error {
+        PageError::TooManyFigures { .. } => (TOO_MANY_VIEWS, "send the views one by one"),
+        _ => (NO_FIGURE, "send the views one by one, as parts `view[AZIMUTH]`"),
+    };
+    Problem::new(kind, format!("{error}; {mend}")).part("page")
+}
+
+/// Says which figures were found, so that the azimuths can be put right.
+fn number_problem(error: &PageError, proposals: &[PageProposal]) -> Problem {
+    if matches!(error, PageError::DuplicateAzimuth(_)) {
+        return Problem::new(DUPLICATE_AZIMUTH, error.to_string()).part("azimuths");
+    }
+    let figures = proposals.iter().flat_map(|proposal| &proposal.figures).enumerate();
+    let place = |(k, figure): (usize, &::page::Figure)| {
+        format!("{} at {} (azimuth {} by a guess)", k + 1, figure.place, figure.azimuth)
+    };
+    let list = figures.map(place).collect::<Vec<_>>().join("; ");
+    let detail = format!(
+        "{error}: {list}; give one azimuth a figure in this order, or `auto`, or send the views one by one"
+    );
+    Problem::new(WRONG_NUMBER_OF_FIGURES, detail).part("azimuths")
+}
