@@ -59,6 +59,7 @@ impl Uploads {
     pub(super) fn add(&self, name: &str, media_type: &str, bytes: Bytes) -> io::Result<()> {
         self.register(name)?;
         let kib = bytes.len().div_ceil(1024).clamp(1, MAX_IN_FLIGHT_KIB);
+        // At most `MAX_IN_FLIGHT_KIB`.
         let room = Arc::clone(&self.kib).acquire_many_owned(kib as u32);
         let room = self.runtime.block_on(room).map_err(io::Error::other)?;
         let (job, attempt) = (self.job, self.attempt);

@@ -166,7 +166,8 @@ impl PropertyAccess for Face {
                 Some(vertices) => self.vertices = vertices,
                 None => return PropertyAccessResult::UnsupportedType,
             },
-            ("material_index", Property::Int(material)) => self.material = material as u32,
+            // Only told apart: -1, for none, is one like the others.
+            ("material_index", Property::Int(material)) => self.material = material.cast_unsigned(),
             ("material_index", Property::UChar(material)) => self.material = material.into(),
             _ => return PropertyAccessResult::Ignored,
         }

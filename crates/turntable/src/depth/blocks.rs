@@ -72,6 +72,7 @@ impl Blocks {
     ) -> Self {
         let mut cuts = Cuts::none(graph);
         cut_inner(&mut cuts, graph, contours, owners, DECIDED);
+        // There are at most `border_side::MAX_PIECES`: a label has room for them.
         for (number, piece) in pieces.iter().enumerate() {
             for owner in [Owner::Left, Owner::Right] {
                 cuts.along(graph, contours, &piece.crossings, owner, DECIDED + 1 + number as u16);

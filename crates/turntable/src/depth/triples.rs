@@ -228,6 +228,7 @@ impl Matcher<'_> {
                 .enumerate()
                 .map(|(to, cost)| {
                     let (from, best) = self.cheapest_origin(&states[k - 1], &totals, here.get(to));
+                    // A crossing has fewer candidates than its row pixels.
                     (best + cost, from as u16)
                 })
                 .unzip();

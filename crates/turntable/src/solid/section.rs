@@ -192,6 +192,7 @@ pub(super) fn sections_of_row<O: Borrow<Outline>>(
             let (low, high) = section.extent_along(&outline.right());
             for (index, &interval) in intervals.iter().enumerate() {
                 if interval.1 > low && interval.0 < high {
+                    // A row has fewer intervals than half its pixels, a sheet fewer views.
                     next.extend(section.cut(outline, direction as u16, index as u16)(interval));
                 }
             }

@@ -97,6 +97,7 @@ impl Layer {
         let mut layer = Self { cells: Vec::new(), positions: Vec::new() };
         for j in 0..=field.lattice.nodes[1] {
             for i in inside.mixed_columns(j, k) {
+                // A lattice has at most 513 nodes along an axis.
                 layer.cells.push([i, j, k].map(|index| index as u16));
                 layer.positions.push(vertex(field, inside, [i, j, k], &creases));
             }

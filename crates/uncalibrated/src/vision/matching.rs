@@ -165,7 +165,8 @@ impl Search<'_> {
         train: &BoxedRef<'_, Mat>,
         count: i32,
     ) -> Result<Vec<Vec<Match>>, OpenCvError> {
-        // FLANN draws from the thread's generator.
+        // FLANN draws from the thread's generator, whose seed has 32 bits: the
+        // lower ones of ours.
         core::set_rng_seed(self.seed as i32)?;
         let FlannOptions { trees, checks, tables, key_bits, multi_probe_level } =
             self.options.flann;

@@ -86,6 +86,7 @@ fn corners(
     let indices: Vec<u32> = match primitive.indices() {
         Some(indices) => {
             let indices = accessor::read::<1>(&indices, container, limits)?;
+            // Whole numbers of at most 32 bits; who they point at is checked below.
             indices.into_iter().map(|[index]| index as u32).collect()
         }
         None => (0..vertices as u32).collect(),
