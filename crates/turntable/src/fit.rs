@@ -95,9 +95,14 @@ pub fn redraw(draft: &Draft<'_>) -> Vec<Redrawn> {
 /// How the silhouettes of `mesh` agree with those of each drawing, intersection
 /// over union, holes filled in both.
 pub(crate) fn silhouette_ious(mesh: &Mesh, rig: &Rig, silhouettes: &[Silhouette]) -> Vec<f64> {
+    /// Both are this many times smaller than the drawings: half a pixel decides nothing.
+    const SCALE: u32 = 2;
     let of_view = |(index, silhouette): (usize, &Silhouette)| {
         let drawn = shown(silhouette);
-        let buffer = DepthBuffer::of_view(mesh, rig, index, 1.0);
+        let (width, height) = (drawn.width().div_ceil(SCALE), drawn.height().div_ceil(SCALE));
+        let drawn =
+            GrayImage::from_fn(width, height, |x, y| *drawn.get_pixel(x * SCALE, y * SCALE));
+        let buffer = DepthBuffer::of_view(mesh, rig, index, f64::from(SCALE));
         let ours = mask_of(&buffer, drawn.dimensions());
         compare_silhouettes(&ours, &drawn).map_or(0.0, |found| found.iou)
     };

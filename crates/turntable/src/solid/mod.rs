@@ -166,8 +166,10 @@ pub struct SolidInput<'a> {
 const STEPS: usize = 7;
 /// How much less of the outlines the solid with the prior may cover, IoU.
 const MAX_LOST_SILHOUETTE: f64 = 0.03;
-/// How many more of its steps in depth may have no ink on them, share.
-const MAX_BARE_STEPS: f64 = 0.05;
+/// How much of the share of steps in depth that have ink on them it keeps, where
+/// more than the second share of corners are drawn: of what is round, few are.
+const MIN_INKED_STEPS: f64 = 0.8;
+const ROUND: f64 = 0.25;
 /// A solid with holes that covers less of some drawing's outline, IoU, is held
 /// against one without.
 const MIN_COVER: f64 = 0.95;
@@ -346,8 +348,9 @@ fn full_mesh(
             let rig = Rig::of_views(input.views);
             let explained = |mesh: &Mesh| redraw::explained(mesh, &rig, sheet, input.silhouettes);
             let scores = (explained(&without.0), explained(&with.0));
+            let drawn_corners = report.sharp_corners as f64 / report.corners.max(1) as f64;
             let used = scores.1.silhouettes >= scores.0.silhouettes - MAX_LOST_SILHOUETTE
-                && scores.1.steps >= scores.0.steps - MAX_BARE_STEPS;
+                && (drawn_corners < ROUND || scores.1.steps >= MIN_INKED_STEPS * scores.0.steps);
             report.prior =
                 Some(PriorReport { used, without: Some(scores.0), with: Some(scores.1) });
             if used { with } else { without }
