@@ -20,6 +20,7 @@ use picture::ImageLimits;
 use serde_json::json;
 use sheet::{SheetDocument, ViewDocument};
 use turnaround::draft::Decoded;
+use turntable::fit::redraw;
 use variants::{Clean, VARIANTS, iou};
 
 const AZIMUTHS_DEG: [f64; 4] = [0.0, 45.0, 90.0, 180.0];
@@ -114,10 +115,11 @@ fn report(name: &str, views: &[(f64, RgbaImage, GrayImage)], truth: &(SolidTruth
         Ok(decoded) => decoded,
         Err(error) => return println!("| {name} | | | | refused: {error} |"),
     };
-    let said = decoded.warnings().join("; ");
+    let mut said = decoded.warnings().to_vec();
     let (mean, least) = silhouettes(&decoded, views);
     let solid = match decoded.turntable() {
         Ok(draft) => {
+            said.extend(redraw(&draft).iter().filter_map(|view| view.fit.warning()));
             let mut mesh = draft.solid.mesh;
             if MOVED.iter().any(|word| name.contains(word)) {
                 lay_on(&mut mesh, &truth.1);
@@ -127,7 +129,7 @@ fn report(name: &str, views: &[(f64, RgbaImage, GrayImage)], truth: &(SolidTruth
         }
         Err(error) => format!("none: {error}"),
     };
-    println!("| {name} | {mean:.3} | {least:.3} | {solid} | {said} |");
+    println!("| {name} | {mean:.3} | {least:.3} | {solid} | {} |", said.join("; "));
 }
 
 /// Variants whose pixels are not those of the clean drawing: the draft is laid

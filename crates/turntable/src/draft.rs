@@ -171,7 +171,7 @@ pub fn reconstruct<'a>(
 const MISFIT: f64 = 0.8;
 /// Leaving views out must make the others fit so much better, mean IoU.
 const MIN_GAIN: f64 = 0.03;
-/// The solid keeps at least as many views.
+/// The solid keeps at least as many views, and half of them.
 const MIN_KEPT: usize = 3;
 
 /// The views that fit worst taken for contradicting, if others are left: all
@@ -184,7 +184,7 @@ fn without_misfits(
     let mut order: Vec<usize> = (0..registrations.len()).filter(kept).collect();
     order.sort_by(|&a, &b| ious[a].total_cmp(&ious[b]));
     let misfits = order.iter().take_while(|&&index| ious[index] < MISFIT).count();
-    let most = order.len().saturating_sub(MIN_KEPT.max(order.len() / 2));
+    let most = order.len().saturating_sub(MIN_KEPT.max(registrations.len().div_ceil(2)));
     let left_out = &order[..misfits.min(most)];
     if left_out.is_empty() {
         return None;
@@ -277,8 +277,9 @@ mod tests {
         // Half of the views stay, and three at least.
         assert_eq!(left_out(&[0.5, 0.6, 0.7, 0.55, 0.9, 0.9], &[]), Some(vec![0, 1, 3]));
         assert_eq!(left_out(&[0.95, 0.5, 0.97], &[]), None);
-        // One that is out already is no more asked.
+        // One that is out already is no more asked, and counts as one of all.
         assert_eq!(left_out(&[0.95, 0.5, 0.97, 0.9, 0.7], &[1]), Some(vec![1, 4]));
+        assert_eq!(left_out(&[0.95, 0.5, 0.97, 0.9, 0.7, 0.4], &[1, 4, 5]), None);
     }
 
     #[test]

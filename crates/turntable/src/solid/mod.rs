@@ -170,6 +170,8 @@ const MAX_LOST_SILHOUETTE: f64 = 0.03;
 /// more than the second share of corners are drawn: of what is round, few are.
 const MIN_INKED_STEPS: f64 = 0.8;
 const ROUND: f64 = 0.25;
+/// With less ink inside, share, drawings are outlines alone: nothing says round.
+const OUTLINES_ONLY: f64 = 0.002;
 /// A solid with holes that covers less of some drawing's outline, IoU, is held
 /// against one without.
 const MIN_COVER: f64 = 0.95;
@@ -349,8 +351,9 @@ fn full_mesh(
             let explained = |mesh: &Mesh| redraw::explained(mesh, &rig, sheet, input.silhouettes);
             let scores = (explained(&without.0), explained(&with.0));
             let drawn_corners = report.sharp_corners as f64 / report.corners.max(1) as f64;
+            let is_round = drawn_corners < ROUND && scores.0.drawn > OUTLINES_ONLY;
             let used = scores.1.silhouettes >= scores.0.silhouettes - MAX_LOST_SILHOUETTE
-                && (drawn_corners < ROUND || scores.1.steps >= MIN_INKED_STEPS * scores.0.steps);
+                && (is_round || scores.1.steps >= MIN_INKED_STEPS * scores.0.steps);
             report.prior =
                 Some(PriorReport { used, without: Some(scores.0), with: Some(scores.1) });
             if used { with } else { without }

@@ -26,6 +26,8 @@ pub struct Explained {
     pub steps: f64,
     /// Intersection over union of the outlines.
     pub silhouettes: f64,
+    /// The share of the drawn insides that is ink.
+    pub drawn: f64,
 }
 
 /// Bits of a drawing, row by row.
@@ -81,7 +83,7 @@ pub(super) fn explained(
 ) -> Explained {
     use rayon::prelude::*;
     let longest = mesh.bounds().map_or(1.0, |(low, high)| (high - low).max()) as f32;
-    let counts: Vec<[usize; 6]> = (0..rig.azimuths.len())
+    let counts: Vec<[usize; 7]> = (0..rig.azimuths.len())
         .into_par_iter()
         .map(|view| {
             let buffer = DepthBuffer::of_view(mesh, rig, view, SCALE);
@@ -142,6 +144,7 @@ pub(super) fn explained(
                 steps.count(),
                 both,
                 covered.count() + shown.count() - both,
+                inner.count(),
             ]
         })
         .collect();
@@ -149,5 +152,5 @@ pub(super) fn explained(
     let share = |part: usize, whole: usize| {
         if sum(whole) == 0 { 1.0 } else { sum(part) as f64 / sum(whole) as f64 }
     };
-    Explained { ink: share(0, 1), steps: share(2, 3), silhouettes: share(4, 5) }
+    Explained { ink: share(0, 1), steps: share(2, 3), silhouettes: share(4, 5), drawn: share(1, 6) }
 }
