@@ -9,7 +9,7 @@
 //! |---|---|
 //! | [`grid`](Grid) | about 64^3 voxels about the hull |
 //! | sampling | drawings at 4 px a voxel: ink and filled outline |
-//! | encoder | a two-dimensional U-Net, 24 features a voxel row and column of each view; [`convolution`] says why it is ours |
+//! | encoder | a two-dimensional U-Net, 24 features a voxel row and column of each view; `convolution` says why it is ours |
 //! | lifting | each voxel takes the features of the columns that show it |
 //! | volume | a three-dimensional U-Net over the views' mean and maximum; logits at twice the grid |
 //!
