@@ -133,18 +133,21 @@ impl Blobs {
 
     /// The pixels of a drawing within its bounds and `pad` bare ones about it.
     pub(crate) fn pixels(&self, index: usize, pad: usize) -> Bits {
-        pixels(&self.owners, index as u16 + 1, &self.list[index].bounds, pad)
+        let (values, width) = (&self.owners.data, self.owners.width);
+        pixels(values, width, index as u16 + 1, &self.list[index].bounds, pad)
     }
 }
 
-/// The pixels of one owner within `bounds`, with `pad` bare ones about them.
-pub(crate) fn pixels(owners: &Raster<u16>, owner: u16, bounds: &Box2, pad: usize) -> Bits {
+/// The pixels of `value` within `bounds`, with `pad` bare ones about them.
+///
+/// * `width`: pixels a row of `values`.
+fn pixels<T: PartialEq>(values: &[T], width: usize, value: T, bounds: &Box2, pad: usize) -> Bits {
     let (w, h) = (bounds.width() as usize, bounds.height() as usize);
     let mut bits = Bits::filled(w + 2 * pad, h + 2 * pad, false);
     for y in 0..h {
-        let from = (y + bounds.top as usize) * owners.width + bounds.left as usize;
+        let from = (y + bounds.top as usize) * width + bounds.left as usize;
         let to = (y + pad) * bits.width + pad;
-        let row = owners.data[from..from + w].iter().map(|other| *other == owner);
+        let row = values[from..from + w].iter().map(|other| *other == value);
         bits.data[to..to + w].iter_mut().zip(row).for_each(|(bit, is)| *bit = is);
     }
     bits
@@ -217,14 +220,7 @@ fn absorb_islands(
         let bounds = parts.parts[k].bounds;
         let (w, h) = (bounds.width() as usize, bounds.height() as usize);
         let at = |x: usize, y: usize| (y + bounds.top as usize) * width + x + bounds.left as usize;
-        let mut own = Bits::filled(w + 2 * PAD, h + 2 * PAD, false);
-        for y in 0..h {
-            for x in 0..w {
-                own.data[(y + PAD) * (w + 2 * PAD) + x + PAD] =
-                    parts.labels[at(x, y)] == k as u32 + 1;
-            }
-        }
-        let enclosed = filled(&own);
+        let enclosed = filled(&pixels(&parts.labels, width, k as u32 + 1, &bounds, PAD));
         for y in 0..h {
             for x in 0..w {
                 let label = parts.labels[at(x, y)] as usize;

@@ -5,7 +5,7 @@ use image::{GrayImage, RgbaImage};
 use progress::{Observer, Stage, Steps};
 use rayon::prelude::*;
 use subject::raster::{Bits, Raster};
-use subject::{Box2, CleanOptions, Marks, Point, SubjectOptions, enclosed};
+use subject::{Box2, CleanOptions, Marks, Point, SubjectOptions, enclosed, median};
 
 use crate::azimuths::{self, Guess};
 use crate::blobs::{self, Blobs, LETTERS};
@@ -13,7 +13,7 @@ use crate::error::PageError;
 use crate::layouts;
 use crate::options::PageOptions;
 use crate::proposal::{FIRST, Figure, LEFT, LeftOut, LeftOutKind, NOBODY, PageProposal};
-use crate::select::{self, Selected, median};
+use crate::select::{self, Selected};
 use crate::shape::Shape;
 use crate::{joins, outline, panels, small};
 
@@ -83,7 +83,7 @@ pub fn propose_turn(
     }
     // Heights are compared over all pictures.
     let figures = || proposals.iter().flat_map(|p| &p.figures);
-    let usual = median(figures().map(|f| f64::from(f.place.height())).collect());
+    let usual = median(&figures().map(|f| f64::from(f.place.height())).collect::<Vec<_>>());
     for figure in proposals.iter_mut().flat_map(|p| &mut p.figures) {
         figure.scale = f64::from(figure.place.height()) / usual.max(1.0);
     }
@@ -192,7 +192,7 @@ fn found(
     left.extend(select::left_out(&blobs, &selected, &colours));
     let left_out: Vec<LeftOut> = left
         .into_iter()
-        .map(|l| LeftOut { place: scaled(&l.place, marks.factor, width, height), ..l })
+        .map(|l| LeftOut { place: l.place.scaled(marks.factor as u32, width, height), ..l })
         .collect();
     steps.done(3, "figures")?;
     let count = selected.views.len();
@@ -208,7 +208,8 @@ fn found(
         order.par_iter().map(|&(k, row)| View::of(&marks, &blobs, k, row, &detail)).collect();
     steps.done(4, "outlines")?;
     let owners = owners(&blobs, &order);
-    let usual = median(views.iter().map(|view| f64::from(view.place.height())).collect());
+    let usual =
+        median(&views.iter().map(|view| f64::from(view.place.height())).collect::<Vec<_>>());
     let size = (width, height);
     let figures = views.par_iter().map(|view| view.figure(marks.factor, size, usual)).collect();
     let shapes = views.into_iter().map(|view| view.shape).collect();
@@ -345,7 +346,7 @@ impl View {
     }
 
     fn figure(&self, factor: usize, (width, height): (u32, u32), usual: f64) -> Figure {
-        let place = scaled(&self.place, factor, width, height);
+        let place = self.place.scaled(factor as u32, width, height);
         let tall = f64::from(self.place.height());
         let page = |p: &Point| Point {
             x: ((p.x - PAD as f64 + f64::from(self.place.left)) * factor as f64)
@@ -368,16 +369,6 @@ impl View {
             confidence: 0.0,
             facing: azimuths::facing(&self.shape),
         }
-    }
-}
-
-fn scaled(b: &Box2, factor: usize, width: u32, height: u32) -> Box2 {
-    let factor = factor as u32;
-    Box2 {
-        left: b.left * factor,
-        top: b.top * factor,
-        right: (b.right * factor).min(width),
-        bottom: (b.bottom * factor).min(height),
     }
 }
 

@@ -1,7 +1,7 @@
 //! Which drawings are views of one subject, and what the others are.
 
-use subject::Box2;
 use subject::raster::Raster;
+use subject::{Box2, median};
 
 use crate::blobs::{Blob, Blobs};
 use crate::proposal::{LeftOut, LeftOutKind};
@@ -83,7 +83,7 @@ pub(crate) fn select(blobs: &Blobs) -> Selected {
         return Selected { views: Vec::new(), height: 0.0 };
     };
     // Once more about the set's own middle.
-    let usual = median(set.iter().map(|&k| height(large[k])).collect());
+    let usual = median(&set.iter().map(|&k| height(large[k])).collect::<Vec<_>>());
     let mut set = members(reference, usual);
     if set.len() > MOST {
         let boxes: Vec<Box2> = set.iter().map(|&k| blobs.list[large[k]].bounds).collect();
@@ -95,7 +95,7 @@ pub(crate) fn select(blobs: &Blobs) -> Selected {
             row.iter().copied().filter(|&k| alike(lead, k) >= ROW_ALIKE).collect();
         set = if agree.len() > 1 { agree } else { row };
     }
-    let usual = median(set.iter().map(|&k| height(large[k])).collect());
+    let usual = median(&set.iter().map(|&k| height(large[k])).collect::<Vec<_>>());
     Selected { views: set.iter().map(|&k| large[k]).collect(), height: usual }
 }
 
@@ -111,7 +111,7 @@ fn largest_row(boxes: &[Box2]) -> Vec<usize> {
         (0..boxes.len()).filter(|&k| shares(&boxes[k])).collect()
     };
     let weight = |row: &Vec<usize>| {
-        let height = median(row.iter().map(|&k| f64::from(boxes[k].height())).collect());
+        let height = median(&row.iter().map(|&k| f64::from(boxes[k].height())).collect::<Vec<_>>());
         height * (row.len().min(MOST) as f64).sqrt()
     };
     let rows = boxes.iter().map(row);
@@ -138,15 +138,6 @@ fn is_backdrop(blobs: &Blobs, k: usize, (width, height): (u32, u32)) -> bool {
 fn is_flat(blob: &Blob) -> bool {
     let (w, h) = (blob.bounds.width(), blob.bounds.height());
     w >= 14 * h || h >= 30 * w
-}
-
-pub(crate) fn median(mut values: Vec<f64>) -> f64 {
-    if values.is_empty() {
-        return 0.0;
-    }
-    values.sort_by(f64::total_cmp);
-    let middle = values.len() / 2;
-    if values.len() % 2 == 1 { values[middle] } else { (values[middle - 1] + values[middle]) / 2.0 }
 }
 
 /// What each drawing that is no view is; boxes are in working px.

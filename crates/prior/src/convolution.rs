@@ -95,36 +95,47 @@ impl Taps {
         sums.chunks_exact_mut(self.width()).for_each(|sums| sums.copy_from_slice(&self.bias));
     }
 
-    /// Adds what one tap gives to `count` places, so many of them and so many
-    /// blocks of outputs side by side.
+    /// Adds what one tap gives to `count` places.
     ///
     /// * `steps`: values from place to place in `sums` and in `source`.
-    #[inline(always)]
-    fn add<const PLACES: usize, const BLOCKS: usize>(
+    fn add(
         &self,
+        arch: Arch,
         tap: usize,
         count: usize,
         sums: &mut [f32],
         source: &[f32],
         steps: [usize; 2],
     ) {
-        let weights = self.tap(tap);
-        let blocks = self.width() / LANES;
-        let mut block = 0;
-        while block + BLOCKS <= blocks {
-            let own: [_; BLOCKS] =
-                array::from_fn(|n| &weights[(block + n) * self.inputs..][..self.inputs]);
-            along::<PLACES, BLOCKS>(own, count, &mut sums[block * LANES..], source, steps);
-            block += BLOCKS;
-        }
-        for block in block..blocks {
-            let own = [&weights[block * self.inputs..][..self.inputs]];
-            along::<PLACES, 1>(own, count, &mut sums[block * LANES..], source, steps);
-        }
+        let (inputs, weights) = (self.inputs, self.tap(tap));
+        arch.dispatch(Products { inputs, weights, count, sums, source, steps });
+    }
+
+    /// The rows of a tensor of `size`, each from the bias and what `sum` adds to
+    /// its sums; `room` is what the rows of one thread share.
+    fn rows<R>(
+        &self,
+        size: [usize; 3],
+        ending: Ending<'_>,
+        room: impl Fn() -> R + Sync + Send,
+        sum: impl Fn(&mut R, [usize; 2], &mut [f32]) + Sync + Send,
+    ) -> Tensor {
+        let mut out = Tensor::zeros(size, self.outputs);
+        let length = out.row_length().max(1);
+        out.values.par_chunks_exact_mut(length).enumerate().for_each_init(
+            || (room(), vec![0.0; size[2] * self.width()]),
+            |(room, sums), (index, out)| {
+                let row = [index / size[1], index % size[1]];
+                self.begin(sums);
+                sum(room, row, sums);
+                let skip = ending.skip.map(|skip| skip.row(row[0], row[1]));
+                self.finish(sums, skip, ending.relu, out);
+            },
+        );
+        out
     }
 
     /// What the sums of a row are in the end.
-    #[inline(always)]
     fn finish(&self, sums: &[f32], skip: Option<&[f32]>, relu: bool, out: &mut [f32]) {
         let own = out.chunks_exact_mut(self.outputs).zip(sums.chunks_exact(self.width()));
         own.for_each(|(out, sums)| out.copy_from_slice(&sums[..self.outputs]));
@@ -137,25 +148,63 @@ impl Taps {
     }
 }
 
-/// Adds the products of blocks of weights with the inputs of places.
+/// What one tap adds to a row of places, with the processor's widest vectors.
+struct Products<'a> {
+    inputs: usize,
+    weights: &'a [[f32; LANES]],
+    count: usize,
+    sums: &'a mut [f32],
+    source: &'a [f32],
+    steps: [usize; 2],
+}
+
+impl WithSimd for Products<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        /// With as many registers two blocks of outputs find room.
+        const MANY_REGISTERS: usize = 32;
+        if S::REGISTER_COUNT >= MANY_REGISTERS { self.add::<2>() } else { self.add::<1>() }
+    }
+}
+
+impl Products<'_> {
+    /// So many blocks of outputs side by side, then those that are left.
+    #[inline(always)]
+    fn add<const BLOCKS: usize>(self) {
+        let Self { inputs, weights, count, sums, source, steps } = self;
+        let of_block = |block: usize| &weights[block * inputs..][..inputs];
+        let blocks = weights.len() / inputs;
+        let whole = blocks / BLOCKS * BLOCKS;
+        for block in (0..whole).step_by(BLOCKS) {
+            let own: [_; BLOCKS] = array::from_fn(|n| of_block(block + n));
+            along(own, count, &mut sums[block * LANES..], source, steps);
+        }
+        for block in whole..blocks {
+            along([of_block(block)], count, &mut sums[block * LANES..], source, steps);
+        }
+    }
+}
+
+/// Adds the products of blocks of weights with the inputs of `count` places.
 #[inline(always)]
-fn along<const PLACES: usize, const BLOCKS: usize>(
+fn along<const BLOCKS: usize>(
     weights: [&[[f32; LANES]]; BLOCKS],
     count: usize,
     sums: &mut [f32],
     source: &[f32],
     steps: [usize; 2],
 ) {
-    let mut place = 0;
-    while place + PLACES <= count {
-        let (sums, source) = (&mut sums[place * steps[0]..], &source[place * steps[1]..]);
-        accumulate::<PLACES, BLOCKS>(weights, sums, source, steps);
-        place += PLACES;
+    /// Places that are summed side by side.
+    const PLACES: usize = 4;
+    let at = |place: usize| [place * steps[0], place * steps[1]];
+    let whole = count / PLACES * PLACES;
+    for [sum, input] in (0..whole).step_by(PLACES).map(at) {
+        accumulate::<PLACES, BLOCKS>(weights, &mut sums[sum..], &source[input..], steps);
     }
-    while place < count {
-        let (sums, source) = (&mut sums[place * steps[0]..], &source[place * steps[1]..]);
-        accumulate::<1, BLOCKS>(weights, sums, source, steps);
-        place += 1;
+    for [sum, input] in (whole..count).map(at) {
+        accumulate::<1, BLOCKS>(weights, &mut sums[sum..], &source[input..], steps);
     }
 }
 
@@ -202,114 +251,39 @@ impl Convolution {
     pub(crate) fn run(&self, input: &Tensor, ending: Ending<'_>) -> Tensor {
         // Along each axis the middle of the kernel stands on a place.
         let size = array::from_fn(|axis| (input.size[axis] - 1) / self.stride[axis] + 1);
-        let mut out = Tensor::zeros(size, self.taps.outputs);
-        let (length, arch) = (out.row_length().max(1), Arch::new());
-        out.values.par_chunks_exact_mut(length).enumerate().for_each_init(
-            || Scratch::new(size[2] * self.taps.width()),
-            |scratch, (index, out)| {
-                let row = [index / size[1], index % size[1]];
-                let skip = ending.skip.map(|skip| skip.row(row[0], row[1]));
-                let relu = ending.relu;
-                arch.dispatch(ConvolvedRow { layer: self, input, row, skip, relu, scratch, out });
-            },
-        );
-        out
+        let beyond = self.kernel[2] / 2 * input.channels;
+        let arch = Arch::new();
+        let padded = || vec![0.0; input.row_length() + 2 * beyond];
+        self.taps.rows(size, ending, padded, |padded, row, sums| {
+            for first in 0..self.kernel[0] {
+                for second in 0..self.kernel[1] {
+                    let at = |axis: usize, tap: usize| {
+                        (row[axis] * self.stride[axis] + tap)
+                            .checked_sub(self.kernel[axis] / 2)
+                            .filter(|&place| place < input.size[axis])
+                    };
+                    let (Some(a), Some(b)) = (at(0, first), at(1, second)) else { continue };
+                    padded[beyond..][..input.row_length()].copy_from_slice(input.row(a, b));
+                    for third in 0..self.kernel[2] {
+                        let tap = (first * self.kernel[1] + second) * self.kernel[2] + third;
+                        let source = &padded[third * input.channels..];
+                        let steps = [self.taps.width(), self.stride[2] * input.channels];
+                        self.taps.add(arch, tap, size[2], sums, source, steps);
+                    }
+                }
+            }
+        })
     }
 
     /// Applies a convolution of one tap to places side by side; `out` takes
     /// its outputs, negative ones as 0 if `relu`.
     pub(crate) fn pointwise(&self, input: &[f32], relu: bool, out: &mut [f32]) {
-        struct Places<'a>(&'a Taps, &'a [f32], bool, &'a mut [f32]);
-        impl WithSimd for Places<'_> {
-            type Output = ();
-
-            #[inline(always)]
-            fn with_simd<S: Simd>(self, _: S) {
-                let Self(taps, input, relu, out) = self;
-                let count = input.len() / taps.inputs;
-                let mut sums = vec![0.0; count * taps.width()];
-                taps.begin(&mut sums);
-                let steps = [taps.width(), taps.inputs];
-                if S::REGISTER_COUNT >= MANY_REGISTERS {
-                    taps.add::<4, 2>(0, count, &mut sums, input, steps);
-                } else {
-                    taps.add::<4, 1>(0, count, &mut sums, input, steps);
-                }
-                taps.finish(&sums, None, relu, out);
-            }
-        }
-        Arch::new().dispatch(Places(&self.taps, input, relu, out));
-    }
-}
-
-/// From so many vector registers on, more places are summed side by side.
-const MANY_REGISTERS: usize = 32;
-
-/// Room that rows of one thread share.
-struct Scratch {
-    padded: Vec<f32>,
-    sums: Vec<f32>,
-}
-
-impl Scratch {
-    fn new(sums: usize) -> Self {
-        Self { padded: Vec::new(), sums: vec![0.0; sums] }
-    }
-}
-
-/// One row of a convolution's output.
-struct ConvolvedRow<'a> {
-    layer: &'a Convolution,
-    input: &'a Tensor,
-    row: [usize; 2],
-    skip: Option<&'a [f32]>,
-    relu: bool,
-    scratch: &'a mut Scratch,
-    out: &'a mut [f32],
-}
-
-impl ConvolvedRow<'_> {
-    #[inline(always)]
-    fn compute<const PLACES: usize, const BLOCKS: usize>(self) {
-        let Convolution { kernel, stride, taps } = self.layer;
-        let Scratch { padded, sums } = self.scratch;
-        let (size, channels) = (self.input.size, self.input.channels);
-        let count = self.out.len() / taps.outputs;
-        taps.begin(sums);
-        let beyond = kernel[2] / 2 * channels;
-        padded.clear();
-        padded.resize(self.input.row_length() + 2 * beyond, 0.0);
-        for first in 0..kernel[0] {
-            for second in 0..kernel[1] {
-                let at = |axis: usize, tap: usize| {
-                    (self.row[axis] * stride[axis] + tap)
-                        .checked_sub(kernel[axis] / 2)
-                        .filter(|&place| place < size[axis])
-                };
-                let (Some(a), Some(b)) = (at(0, first), at(1, second)) else { continue };
-                padded[beyond..][..self.input.row_length()].copy_from_slice(self.input.row(a, b));
-                for third in 0..kernel[2] {
-                    let tap = (first * kernel[1] + second) * kernel[2] + third;
-                    let source = &padded[third * channels..];
-                    let steps = [taps.width(), stride[2] * channels];
-                    taps.add::<PLACES, BLOCKS>(tap, count, sums, source, steps);
-                }
-            }
-        }
-        taps.finish(sums, self.skip, self.relu, self.out);
-    }
-}
-
-impl WithSimd for ConvolvedRow<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
-        if S::REGISTER_COUNT >= MANY_REGISTERS {
-            self.compute::<4, 2>()
-        } else {
-            self.compute::<4, 1>()
-        }
+        let Taps { inputs, .. } = self.taps;
+        let (count, width) = (input.len() / inputs, self.taps.width());
+        let mut sums = vec![0.0; count * width];
+        self.taps.begin(&mut sums);
+        self.taps.add(Arch::new(), 0, count, &mut sums, input, [width, inputs]);
+        self.taps.finish(&sums, None, relu, out);
     }
 }
 
@@ -321,64 +295,21 @@ impl Upsampling {
     /// The transposed convolution of `input`, on rayon's current pool.
     pub(crate) fn run(&self, input: &Tensor, ending: Ending<'_>) -> Tensor {
         let size = array::from_fn(|axis| input.size[axis] * self.kernel[axis]);
-        let mut out = Tensor::zeros(size, self.taps.outputs);
-        let (length, arch) = (out.row_length().max(1), Arch::new());
-        out.values.par_chunks_exact_mut(length).enumerate().for_each_init(
-            || vec![0.0; size[2] * self.taps.width()],
-            |sums, (index, out)| {
-                let row = [index / size[1], index % size[1]];
-                let skip = ending.skip.map(|skip| skip.row(row[0], row[1]));
-                let relu = ending.relu;
-                arch.dispatch(UpsampledRow { layer: self, input, row, skip, relu, sums, out });
+        let (arch, width) = (Arch::new(), self.taps.width());
+        self.taps.rows(
+            size,
+            ending,
+            || (),
+            |(), row, sums| {
+                let source = input.row(row[0] / self.kernel[0], row[1] / self.kernel[1]);
+                let tap = row[0] % self.kernel[0] * self.kernel[1] + row[1] % self.kernel[1];
+                for third in 0..self.kernel[2] {
+                    let (tap, sums) = (tap * self.kernel[2] + third, &mut sums[third * width..]);
+                    let steps = [self.kernel[2] * width, input.channels];
+                    self.taps.add(arch, tap, input.size[2], sums, source, steps);
+                }
             },
-        );
-        out
-    }
-}
-
-/// One row of a transposed convolution's output.
-struct UpsampledRow<'a> {
-    layer: &'a Upsampling,
-    input: &'a Tensor,
-    row: [usize; 2],
-    skip: Option<&'a [f32]>,
-    relu: bool,
-    sums: &'a mut [f32],
-    out: &'a mut [f32],
-}
-
-impl UpsampledRow<'_> {
-    #[inline(always)]
-    fn compute<const PLACES: usize, const BLOCKS: usize>(self) {
-        let Upsampling { kernel, taps } = self.layer;
-        taps.begin(self.sums);
-        let source = self.input.row(self.row[0] / kernel[0], self.row[1] / kernel[1]);
-        let tap = self.row[0] % kernel[0] * kernel[1] + self.row[1] % kernel[1];
-        for third in 0..kernel[2] {
-            let sums = &mut self.sums[third * taps.width()..];
-            let steps = [kernel[2] * taps.width(), self.input.channels];
-            taps.add::<PLACES, BLOCKS>(
-                tap * kernel[2] + third,
-                self.input.size[2],
-                sums,
-                source,
-                steps,
-            );
-        }
-        taps.finish(self.sums, self.skip, self.relu, self.out);
-    }
-}
-
-impl WithSimd for UpsampledRow<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
-        if S::REGISTER_COUNT >= MANY_REGISTERS {
-            self.compute::<4, 2>()
-        } else {
-            self.compute::<4, 1>()
-        }
+        )
     }
 }
 

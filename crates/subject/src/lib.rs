@@ -14,6 +14,7 @@
 mod align;
 mod alpha;
 mod clutter;
+mod cutting;
 mod edges;
 mod gaps;
 mod hypotheses;
@@ -34,7 +35,8 @@ mod subject;
 mod tone;
 
 pub use align::{
-    AlignOptions, Aligned, Alignment, Canvas, Transform, View, ViewAlignment, align, apply, trust,
+    AlignOptions, Aligned, Alignment, Canvas, Transform, View, ViewAlignment, align, apply, median,
+    trust,
 };
 pub use hypotheses::{Hypotheses, HypothesisOptions, Suggestion, Verdict, hypotheses};
 pub use marks::{Marks, enclosed};

@@ -57,14 +57,7 @@ impl Marks {
             Meaning::CutOut(mask) if is_panels(&reduced_mask(&mask, factor)) => Meaning::Nothing,
             other => other,
         };
-        let field = match &meaning {
-            Meaning::Nothing => Paper::fit(image),
-            Meaning::CutOut(_) => Paper::plain([255.0; 3]),
-            Meaning::InkLayer => {
-                let clear = page.pixels().zip(image.pixels()).find(|(p, _)| p.0[3] == 0);
-                Paper::plain(clear.map_or([255.0; 3], |(_, p)| [0, 1, 2].map(|c| p.0[c].into())))
-            }
-        };
+        let field = Paper::under(page, image, &meaning);
         let tone = Tone::new(image, &field);
         let (ink, colour) = tone.reduced(factor);
         let (threshold, tolerance) = (tone.threshold, tone.tolerance.max(CLEAR_COLOUR));

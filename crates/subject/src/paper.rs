@@ -2,7 +2,7 @@
 
 use image::RgbaImage;
 
-use crate::alpha::luma;
+use crate::alpha::{Meaning, luma};
 use crate::report::PaperSummary;
 
 /// Cells along the longer side of the page.
@@ -56,8 +56,22 @@ impl PaperRow {
 }
 
 impl Paper {
+    /// The paper under `drawing`, whose alpha means `meaning`.
+    ///
+    /// * `image`: the drawing laid on paper.
+    pub(crate) fn under(drawing: &RgbaImage, image: &RgbaImage, meaning: &Meaning) -> Self {
+        match meaning {
+            Meaning::Nothing => Self::fit(image),
+            Meaning::CutOut(_) => Self::plain([255.0; 3]),
+            Meaning::InkLayer => {
+                let clear = drawing.pixels().zip(image.pixels()).find(|(p, _)| p.0[3] == 0);
+                Self::plain(clear.map_or([255.0; 3], |(_, p)| [0, 1, 2].map(|c| p.0[c].into())))
+            }
+        }
+    }
+
     /// One colour everywhere, without noise.
-    pub(crate) fn plain(colour: [f32; 3]) -> Self {
+    fn plain(colour: [f32; 3]) -> Self {
         Self {
             across: 1,
             down: 1,
@@ -72,7 +86,7 @@ impl Paper {
     /// Fits a field to what looks like the page's border and agrees with it
     /// farther in: a polynomial of order 4 by repeated least squares, and
     /// smoothed what it leaves of paper connected to the border.
-    pub(crate) fn fit(image: &RgbaImage) -> Self {
+    fn fit(image: &RgbaImage) -> Self {
         let (w, h) = (image.width() as usize, image.height() as usize);
         let cell_px = (w.max(h) as f32 / CELLS as f32).max(1.0);
         let across = ((w as f32 / cell_px).ceil() as usize).max(1);

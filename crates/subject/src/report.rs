@@ -50,7 +50,10 @@ impl Box2 {
         }
     }
 
-    pub(crate) fn scaled(&self, factor: u32, width: u32, height: u32) -> Self {
+    /// As many pixels of `factor` times the size, on an image of `width` by
+    /// `height`.
+    #[must_use]
+    pub fn scaled(&self, factor: u32, width: u32, height: u32) -> Self {
         Self {
             left: self.left * factor,
             top: self.top * factor,

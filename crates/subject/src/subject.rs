@@ -125,14 +125,7 @@ pub fn find(
     going_on()?;
     let opaque = laid_on_paper(drawing);
     let image = opaque.image.as_ref();
-    let paper = match &opaque.meaning {
-        Meaning::Nothing => Paper::fit(image),
-        Meaning::CutOut(_) => Paper::plain([255.0; 3]),
-        Meaning::InkLayer => {
-            let first = drawing.pixels().zip(image.pixels()).find(|(p, _)| p.0[3] == 0);
-            Paper::plain(first.map_or([255.0; 3], |(_, p)| [0, 1, 2].map(|c| f32::from(p.0[c]))))
-        }
-    };
+    let paper = Paper::under(drawing, image, &opaque.meaning);
     let tone = Tone::new(image, &paper);
     going_on()?;
     let given = given_mask(drawing, hints);

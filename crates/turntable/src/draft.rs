@@ -121,7 +121,7 @@ pub fn reconstruct<'a>(
     options: &TurntableOptions,
     observer: &dyn Observer,
 ) -> Result<Draft<'a>, DraftError> {
-    let (views, silhouettes, mut registrations) = registered(view_set(sheet)?, options)?;
+    let (views, silhouettes, registrations) = registered(view_set(sheet)?, options)?;
     let share = Share::new(observer, 0.0, SILHOUETTES);
     Steps::new(&share, Stage::Silhouettes, 1).done(1, "silhouettes")?;
     let share = Share::new(observer, SILHOUETTES, DEPTHS);
@@ -144,23 +144,11 @@ pub fn reconstruct<'a>(
         };
         solid::build(&input, &options.solid, observer)
     };
-    let mut solid = build(&registrations, &Share::new(observer, DEPTHS, 1.0))?;
+    let solid = build(&registrations, &Share::new(observer, DEPTHS, 1.0))?;
     let rig = Rig::of_views(&views);
     let ious = |solid: &Solid| fit::silhouette_ious(&solid.mesh, &rig, &silhouettes.silhouettes);
-    let mut known = ious(&solid);
-    while let Some(fewer) = without_misfits(&registrations, &known) {
-        let again = match build(&fewer, &Unreported(observer)) {
-            Ok(again) => again,
-            Err(SolidError::Cancelled(cancelled)) => return Err(cancelled.into()),
-            // Too little is left to make a solid of.
-            Err(_) => break,
-        };
-        let found = ious(&again);
-        if mean_of_kept(&found, &fewer) < mean_of_kept(&known, &fewer) + MIN_GAIN {
-            break;
-        }
-        (solid, known, registrations) = (again, found, fewer);
-    }
+    let again = |fewer: &[ViewRegistration]| build(fewer, &Unreported(observer));
+    let (solid, registrations) = without_contradicting(solid, registrations, &again, &ious)?;
     let from = options.depth.from;
     let depths = depth::read_depth(&solid.mesh, &views, &silhouettes, estimates, from);
     Ok(Draft { views, registrations, silhouettes, depths, solid })
@@ -174,6 +162,42 @@ const MIN_GAIN: f64 = 0.03;
 /// The solid keeps at least as many views, and half of them.
 const MIN_KEPT: usize = 3;
 
+/// Leaves views out of `solid` that it fits badly, while the others then fit better.
+///
+/// * `build`: makes a solid without those that contradict.
+/// * `ious`: how a solid's silhouettes agree with those of each view.
+fn without_contradicting(
+    mut solid: Solid,
+    mut registrations: Vec<ViewRegistration>,
+    build: &dyn Fn(&[ViewRegistration]) -> Result<Solid, SolidError>,
+    ious: &dyn Fn(&Solid) -> Vec<f64>,
+) -> Result<(Solid, Vec<ViewRegistration>), Cancelled> {
+    if spare_views(&registrations) == 0 {
+        return Ok((solid, registrations));
+    }
+    let mut known = ious(&solid);
+    while let Some(fewer) = without_misfits(&registrations, &known) {
+        let again = match build(&fewer) {
+            Ok(again) => again,
+            Err(SolidError::Cancelled(cancelled)) => return Err(cancelled),
+            // Too little is left to make a solid of.
+            Err(_) => break,
+        };
+        let found = ious(&again);
+        if mean_of_kept(&found, &fewer) < mean_of_kept(&known, &fewer) + MIN_GAIN {
+            break;
+        }
+        (solid, known, registrations) = (again, found, fewer);
+    }
+    Ok((solid, registrations))
+}
+
+/// How many more views the solid could do without.
+fn spare_views(registrations: &[ViewRegistration]) -> usize {
+    let kept = registrations.iter().filter(|found| !found.contradicts).count();
+    kept.saturating_sub(MIN_KEPT.max(registrations.len().div_ceil(2)))
+}
+
 /// The views that fit worst taken for contradicting, if others are left: all
 /// misfits, or the worst of them where they are too many.
 fn without_misfits(
@@ -184,8 +208,7 @@ fn without_misfits(
     let mut order: Vec<usize> = (0..registrations.len()).filter(kept).collect();
     order.sort_by(|&a, &b| ious[a].total_cmp(&ious[b]));
     let misfits = order.iter().take_while(|&&index| ious[index] < MISFIT).count();
-    let most = order.len().saturating_sub(MIN_KEPT.max(registrations.len().div_ceil(2)));
-    let left_out = &order[..misfits.min(most)];
+    let left_out = &order[..misfits.min(spare_views(registrations))];
     if left_out.is_empty() {
         return None;
     }

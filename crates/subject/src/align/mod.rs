@@ -224,7 +224,8 @@ fn own_canvas(profiles: &[Profile], scales: &[f64], axes: &[f64], height: f64) -
     }
 }
 
-pub(crate) fn median(values: &[f64]) -> f64 {
+/// The middle value, or the mean of the two; 0 of none.
+pub fn median(values: &[f64]) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     let half = sorted.len() / 2;

@@ -11,6 +11,7 @@ mod outline;
 mod parts;
 mod phantoms;
 mod redraw;
+mod report;
 mod rounding;
 mod section;
 mod solid_views;
@@ -39,72 +40,11 @@ pub use holes::{Hole, HoleHint};
 use mesh::shading::{CREASE_ANGLE_DEG, crease_edges};
 use mesh::{Mesh, components};
 use outline::Outline;
-use prior::PriorError;
-use progress::{Cancelled, Observer, Stage, Steps, Unreported};
+use progress::{Observer, Stage, Steps, Unreported};
 pub use redraw::Explained;
+pub use report::{PriorReport, Solid, SolidError, SolidReport};
 use solid_views::SolidSheet;
 pub use symmetry::MirrorPlane;
-
-/// What the solid is made of.
-#[derive(Clone, Debug)]
-pub struct Solid {
-    /// Closed and manifold, outward; turntable frame, px.
-    pub mesh: Mesh,
-    /// Edges of `mesh` that are creases, low vertex first.
-    pub creases: Vec<[u32; 2]>,
-    /// What each vertex of `mesh` rests on.
-    pub support: Vec<Support>,
-    /// How it was found.
-    pub report: SolidReport,
-}
-
-/// What was found and decided on the way.
-#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
-pub struct SolidReport {
-    /// Directions that bound the solid, after joining opposite views.
-    pub directions: usize,
-    /// The plane that views were mirrored at; `None` if none were.
-    pub mirror_plane: Option<MirrorPlane>,
-    /// Holes through the subject that were carved.
-    pub holes: Vec<Hole>,
-    /// Regions that may be holes, but would leave lines or outlines of other
-    /// views without anything behind them.
-    pub hole_candidates: Vec<Hole>,
-    /// Views, drawn or mirrored, whose depths carved the solid.
-    pub carving_views: usize,
-    /// Slices through the solid and the distance between them, px.
-    pub slices: usize,
-    /// From slice to slice.
-    pub pitch_px: f64,
-    /// Parts that no outline needs and no line shows.
-    pub ghosts: usize,
-    /// Parts that were cut to the lines that bound them.
-    pub parts: usize,
-    /// Corners of slices that are sharp, and all.
-    pub sharp_corners: usize,
-    /// Corners of all slices.
-    pub corners: usize,
-    /// What the learned prior had to say; `None` if it was not asked.
-    pub prior: Option<PriorReport>,
-    /// Separate pieces of the surface, kept and dropped.
-    pub pieces: components::Pieces,
-    /// Triangles of the surface as it was found, and in the end.
-    pub full_faces: usize,
-    /// In the end, after decimation.
-    pub faces: usize,
-}
-
-/// How the learned prior was used.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
-pub struct PriorReport {
-    /// Whether the solid is the one that it shaped.
-    pub used: bool,
-    /// How well the solid without the prior explains the drawings; `None` if it
-    /// was not to choose.
-    pub without: Option<Explained>,
-    /// The same with the prior.
-    pub with: Option<Explained>,
-}
 
 /// The depths of one view.
 #[derive(Clone, Copy, Debug)]
@@ -113,40 +53,6 @@ pub struct ViewDepthMap<'a> {
     pub azimuth: Azimuth,
     /// Depth of each pixel, px.
     pub map: &'a DepthMap,
-}
-
-/// Why there is no solid.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum SolidError {
-    /// All views look along one line, so that nothing bounds the depth.
-    #[error("the views look along {found} direction, {required} are required")]
-    TooFewDirections {
-        /// Directions that differ, opposite ones taken as one.
-        found: usize,
-        /// The fewest that bound a solid.
-        required: usize,
-    },
-    /// No height is covered by every silhouette.
-    #[error("the silhouettes have no row in common")]
-    NoCommonRow,
-    /// The visual hull is empty.
-    #[error("the silhouettes contradict each other everywhere: nothing is inside all of them")]
-    Empty,
-    /// The learned prior failed; its own message.
-    #[error("{0}")]
-    Prior(String),
-    /// Somebody asked to stop.
-    #[error(transparent)]
-    Cancelled(#[from] Cancelled),
-}
-
-impl From<PriorError> for SolidError {
-    fn from(error: PriorError) -> Self {
-        match error {
-            PriorError::Cancelled(cancelled) => Self::Cancelled(cancelled),
-            other => Self::Prior(other.to_string()),
-        }
-    }
 }
 
 /// What a solid is built from.

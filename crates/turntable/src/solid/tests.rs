@@ -11,7 +11,7 @@ use crate::depth_map::Confidence;
 use crate::silhouette::SilhouetteOptions;
 use mesh::topology::check_manifold;
 use picture::FloatImage;
-use progress::{Observer, Progress, Silent};
+use progress::{Cancelled, Observer, Progress, Silent};
 use sheet::View;
 
 const WIDTH: u32 = 200;
