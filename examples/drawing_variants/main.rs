@@ -1,7 +1,9 @@
 //! Drafts of drawings as studios send them, against the same drawings clean.
 //!
-//! `cargo run --release --example drawing_variants -- [MODEL...]`, built-in models
-//! by name (default `caped_figure`). For each variant: the silhouettes' IoU with
+//! `cargo run --release --example drawing_variants -- [MODEL...] [--only WORD]
+//! [--pictures FOLDER] [--silhouettes]`, models by name (default `caped_figure`) or as
+//! GLB files; the variants whose names hold WORD; pictures of what was found, the
+//! subject's outline red; with --silhouettes no drafts. For each variant: the silhouettes' IoU with
 //! the clean ones (mean and least), the draft's IoU with the true solid, and what
 //! the service says. Views are 0, 45, 90 and 180 degrees, 960x540.
 
@@ -9,6 +11,7 @@ mod variants;
 
 use std::collections::BTreeMap;
 use std::io::Cursor;
+use std::path::{Path, PathBuf};
 
 use drawing::{DrawOptions, Drawer, PreparedModel};
 use evaluation::{ComparisonOptions, SolidTruth};
@@ -16,6 +19,7 @@ use frames::Azimuth;
 use image::{GrayImage, ImageFormat, RgbaImage, imageops};
 use mesh::Mesh;
 use mesh::builtin::ProceduralModel;
+use mesh::read::{Limits, Model, ModelFormat, load};
 use picture::ImageLimits;
 use serde_json::json;
 use sheet::{SheetDocument, ViewDocument};
@@ -26,20 +30,47 @@ use variants::{Clean, VARIANTS, iou};
 const AZIMUTHS_DEG: [f64; 4] = [0.0, 45.0, 90.0, 180.0];
 
 fn main() {
-    let names: Vec<String> = std::env::args().skip(1).collect();
-    let names = if names.is_empty() { vec!["caped_figure".to_owned()] } else { names };
+    let (mut names, mut wanted) = (Vec::new(), Wanted::default());
+    let mut words = std::env::args().skip(1);
+    while let Some(word) = words.next() {
+        match word.as_str() {
+            "--only" => wanted.only = words.next().unwrap_or_default(),
+            "--silhouettes" => wanted.silhouettes = true,
+            "--pictures" => wanted.pictures = words.next().map(PathBuf::from),
+            _ => names.push(word),
+        }
+    }
+    if names.is_empty() {
+        names.push("caped_figure".to_owned());
+    }
     for name in names {
-        let Some(model) = ProceduralModel::from_name(&name) else {
-            eprintln!("there is no built-in model {name}");
-            continue;
-        };
-        measure(&name, model);
+        match model(&name) {
+            Some(model) => measure(&name, &model, &wanted),
+            None => eprintln!("{name} is neither a built-in model nor a GLB file"),
+        }
     }
 }
 
-fn measure(name: &str, model: ProceduralModel) {
-    let prepared = PreparedModel::new(&model.build()).expect("a model");
-    let options = DrawOptions::default();
+/// What is asked for on the command line.
+#[derive(Default)]
+struct Wanted {
+    only: String,
+    pictures: Option<PathBuf>,
+    silhouettes: bool,
+}
+
+fn model(name: &str) -> Option<Model> {
+    if let Some(model) = ProceduralModel::from_name(name) {
+        return Some(model.build());
+    }
+    let bytes = std::fs::read(name).ok()?;
+    load(&bytes, ModelFormat::Glb, None, &Limits::default()).ok()
+}
+
+fn measure(name: &str, model: &Model, wanted: &Wanted) {
+    let options = DrawOptions { fit: name.ends_with(".glb"), ..DrawOptions::default() };
+    let prepared = PreparedModel::new(model).expect("a model");
+    let prepared = prepared.placed(&options);
     let drawer = Drawer::new(&prepared, &options).expect("usual options");
     let clean: Vec<Clean> = AZIMUTHS_DEG
         .iter()
@@ -48,14 +79,18 @@ fn measure(name: &str, model: ProceduralModel) {
             Clean::new(drawer.draw_view(azimuth).expect("a view").image.to_luma8())
         })
         .collect();
-    let mut truth = model.build().mesh;
+    let mut truth = prepared.mesh().clone();
     truth.positions.iter_mut().for_each(|p| *p *= options.pixels_per_unit());
-    let solid = SolidTruth::new(&truth, ComparisonOptions::default()).expect("a closed model");
+    let comparison = ComparisonOptions {
+        grid_cells: if wanted.silhouettes { 8 } else { ComparisonOptions::default().grid_cells },
+        ..ComparisonOptions::default()
+    };
+    let solid = SolidTruth::new(&truth, comparison).expect("a closed model");
     let truth = (solid, truth);
     println!(
         "\n{name}\n| drawing | silhouette IoU, mean | least | solid IoU | said |\n|---|---|---|---|---|"
     );
-    for (variant, make) in VARIANTS {
+    for (variant, make) in VARIANTS.iter().filter(|(name, _)| name.contains(&wanted.only)) {
         let views: Vec<(f64, RgbaImage, GrayImage)> = clean
             .iter()
             .zip(AZIMUTHS_DEG)
@@ -65,7 +100,7 @@ fn measure(name: &str, model: ProceduralModel) {
                 (degrees, drawing, mask)
             })
             .collect();
-        report(variant, &views, &truth);
+        report(variant, &views, &truth, wanted);
     }
     let opaque = |clean: &Clean| image::DynamicImage::from(clean.view.clone()).into_rgba8();
     let mistaken = |name: &str, degrees: [f64; 4], mirrored: Option<usize>| {
@@ -81,7 +116,9 @@ fn measure(name: &str, model: ProceduralModel) {
                 (degrees, drawing, clean.mask.clone())
             })
             .collect();
-        report(name, &views, &truth);
+        if name.contains(&wanted.only) {
+            report(name, &views, &truth, wanted);
+        }
     };
     mistaken("90 drawn as 270", [0.0, 45.0, 270.0, 180.0], None);
     mistaken("view 45 mirrored", AZIMUTHS_DEG, Some(1));
@@ -89,7 +126,12 @@ fn measure(name: &str, model: ProceduralModel) {
     mistaken("45 called 38", [0.0, 38.0, 90.0, 180.0], None);
 }
 
-fn report(name: &str, views: &[(f64, RgbaImage, GrayImage)], truth: &(SolidTruth, Mesh)) {
+fn report(
+    name: &str,
+    views: &[(f64, RgbaImage, GrayImage)],
+    truth: &(SolidTruth, Mesh),
+    wanted: &Wanted,
+) {
     let files: BTreeMap<String, Vec<u8>> = views
         .iter()
         .map(|(degrees, drawing, _)| {
@@ -117,6 +159,12 @@ fn report(name: &str, views: &[(f64, RgbaImage, GrayImage)], truth: &(SolidTruth
     };
     let mut said = decoded.warnings().to_vec();
     let (mean, least) = silhouettes(&decoded, views);
+    if let Some(folder) = &wanted.pictures {
+        pictures(folder, name, &decoded, views);
+    }
+    if wanted.silhouettes {
+        return println!("| {name} | {mean:.3} | {least:.3} | | {} |", said.join("; "));
+    }
     let solid = match decoded.turntable() {
         Ok(draft) => {
             said.extend(redraw(&draft).iter().filter_map(|view| view.fit.warning()));
@@ -145,6 +193,34 @@ fn lay_on(mesh: &mut Mesh, truth: &Mesh) {
         (nalgebra::center(&low, &high), nalgebra::center(&true_low, &true_high));
     for point in &mut mesh.positions {
         *point = true_centre + (*point - centre) * scale;
+    }
+}
+
+/// Writes each drawing with the outline that was found in red.
+fn pictures(
+    folder: &Path,
+    name: &str,
+    decoded: &Decoded<'_>,
+    views: &[(f64, RgbaImage, GrayImage)],
+) {
+    for (azimuth, found) in decoded.masks() {
+        let Some((_, drawing, _)) = views.iter().find(|view| view.0 == azimuth.degrees()) else {
+            continue;
+        };
+        let mut picture = drawing.clone();
+        if found.dimensions() != picture.dimensions() {
+            continue;
+        }
+        let is = |x: u32, y: u32| found.get_pixel(x, y).0[0] != 0;
+        for y in 1..found.height() {
+            for x in 1..found.width() {
+                if is(x, y) != is(x - 1, y) || is(x, y) != is(x, y - 1) {
+                    picture.put_pixel(x, y, image::Rgba([255, 0, 0, 255]));
+                }
+            }
+        }
+        let path = folder.join(format!("{name} {}.png", azimuth.degrees()));
+        picture.save(path).expect("a writable folder");
     }
 }
 

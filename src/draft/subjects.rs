@@ -12,7 +12,7 @@ use sheet::{View, ViewDocument};
 use subject::{
     AlignOptions, Aligned, Alignment, DrawingKind, Gap, Hints, HypothesisOptions, PaperSummary,
     Piece, Point, Polarity, Removed, Subject, SubjectError, SubjectOptions, Suggestion, align,
-    apply, find, hypotheses,
+    apply, find, hypotheses, trust,
 };
 
 use super::DraftError;
@@ -27,6 +27,9 @@ const REGISTERED_SCALE: f64 = 0.08;
 const REGISTERED_SHIFT: f64 = 0.04;
 /// Paper that changes by more is not taken as white, grey levels.
 const MAX_UNEVENNESS: f64 = 16.0;
+/// A view that lacks more of the others' subject is wrong as a whole, share of
+/// its own area.
+const MAX_LACKING: f64 = 0.35;
 /// More views are not tested against each other: their number of pairs grows.
 const MAX_TESTED_VIEWS: usize = 12;
 
@@ -36,6 +39,8 @@ pub(super) struct Preparation {
     pub drawings: Vec<DrawingReport>,
     /// Each subject cut out of its drawing, on the common canvas.
     pub cut_outs: Vec<(Azimuth, RgbaImage)>,
+    /// 0 where a view shows paper and the others the subject, of views that do.
+    pub trust: Vec<(Azimuth, GrayImage)>,
     /// How views were laid on one canvas; `None` if they were left in place.
     pub alignment: Option<Alignment>,
     /// What fits better otherwise.
@@ -106,21 +111,76 @@ pub(super) fn prepare(
     }));
     let moves = needs_canvas(&alignment);
     let laid = if moves { apply(&alignment, &paired(&views, &subjects)) } else { Vec::new() };
+    let mut doubts = if suggestions.iter().all(|suggestion| suggestion.applied) {
+        doubts(&views, &subjects, &alignment, moves.then_some(&laid))
+    } else {
+        vec![None; views.len()]
+    };
+    let mut trust = Vec::new();
     let mut drawings = Vec::with_capacity(views.len());
     let mut sheet = Vec::with_capacity(views.len());
     let mut cut_outs = Vec::with_capacity(views.len());
     let mut laid = laid.into_iter();
-    for (view, subject) in views.into_iter().zip(subjects) {
+    for ((view, subject), doubt) in views.into_iter().zip(subjects).zip(doubts.drain(..)) {
         let by_hand = is_by_hand(view.document) || view.mask.is_some();
-        let as_drawn = !moves && !by_hand && is_clean(&subject) && is_opaque(&view.drawing);
+        let as_drawn =
+            !moves && !by_hand && doubt.is_none() && is_clean(&subject) && is_opaque(&view.drawing);
         drawings.push(report(&view, &subject, as_drawn, by_hand));
         let azimuth = view.azimuth;
-        let (view, cut_out) = view_of(view, subject, laid.next(), as_drawn);
+        let (mut view, cut_out) = view_of(view, subject, laid.next(), as_drawn);
+        if let (Some(doubt), Some(mask)) = (&doubt, &mut view.mask) {
+            // What the others show there is not cut off.
+            let pixels = mask.iter_mut().zip(doubt.as_raw());
+            pixels.filter(|(_, trust)| **trust == 0).for_each(|(level, _)| *level = 255);
+            warnings.push(lacking(azimuth, doubt));
+        }
+        trust.extend(doubt.map(|doubt| (azimuth, doubt)));
         cut_outs.push((azimuth, cut_out));
         sheet.push(view);
     }
     let alignment = moves.then_some(alignment);
-    Ok((sheet, Preparation { drawings, cut_outs, alignment, suggestions, warnings }))
+    Ok((sheet, Preparation { drawings, cut_outs, trust, alignment, suggestions, warnings }))
+}
+
+/// Per view where it lacks a part that the others show, if it does.
+///
+/// * `laid`: the views on the common canvas, if they were moved there.
+fn doubts(
+    views: &[DecodedView<'_>],
+    subjects: &[Subject],
+    alignment: &Alignment,
+    laid: Option<&Vec<Aligned>>,
+) -> Vec<Option<GrayImage>> {
+    let elevated = views.iter().any(|view| view.elevation_deg != 0.0);
+    if elevated || views.len() < 3 {
+        return vec![None; views.len()];
+    }
+    let masks: Vec<&GrayImage> = match laid {
+        Some(laid) => laid.iter().map(|view| &view.mask).collect(),
+        None => subjects.iter().map(|subject| &subject.mask).collect(),
+    };
+    let found = trust(alignment, &masks, laid.is_some());
+    let count = |image: &GrayImage, is: &dyn Fn(u8) -> bool| {
+        image.as_raw().iter().filter(|level| is(**level)).count() as f64
+    };
+    let of_view = |((doubt, mask), subject): ((Option<GrayImage>, &&GrayImage), &Subject)| {
+        let lacking = count(doubt.as_ref()?, &|level| level == 0);
+        let small = lacking <= MAX_LACKING * count(mask, &|level| level >= 128);
+        doubt.filter(|_| small && subject.kind != DrawingKind::Given)
+    };
+    found.into_iter().zip(&masks).zip(subjects).map(of_view).collect()
+}
+
+fn lacking(azimuth: Azimuth, doubt: &GrayImage) -> String {
+    let places = doubt.enumerate_pixels().filter(|(.., level)| level.0[0] == 0);
+    let bounds = places.fold((u32::MAX, 0, u32::MAX, 0), |b, (x, y, _)| {
+        (b.0.min(x), b.1.max(x), b.2.min(y), b.3.max(y))
+    });
+    let (left, right, top, bottom) = bounds;
+    format!(
+        "view {azimuth}: nothing is drawn where the other views show the subject, at columns \
+         {left} to {right}, rows {top} to {bottom}; the draft is not cut off there"
+    )
 }
 
 fn find_in(

@@ -45,7 +45,9 @@ pub(super) fn run(run: &Run<'_>, delivery: Delivery<'_>) -> Result<Summary, Draf
     let views: Vec<usize> = (0..draft.depths.len()).collect();
     exporter.each(&views, |&index| {
         let mut files = view_files(&draft, &redrawn[index], index)?;
-        files.artifacts.extend(cut_out(preparation, draft.depths[index].azimuth)?);
+        let azimuth = draft.depths[index].azimuth;
+        files.artifacts.extend(cut_out(preparation, azimuth)?);
+        files.artifacts.extend(trust_map(preparation, azimuth)?);
         Ok(files)
     })?;
     exporter.take(model_files(&draft, &placement, own.reference_planes)?)?;
@@ -99,6 +101,16 @@ fn cut_out(
     };
     let name = ArtifactName::View(azimuth, ViewArtifact::SubjectPng);
     Ok(Some(Artifact::new(name, png(picture)?)))
+}
+
+/// Where a view lacks what the others show.
+fn trust_map(
+    preparation: Option<&Preparation>,
+    azimuth: Azimuth,
+) -> Result<Option<Artifact>, DraftError> {
+    let maps = preparation.map_or(&[][..], |done| &done.trust);
+    let Some((_, map)) = maps.iter().find(|(own, _)| *own == azimuth) else { return Ok(None) };
+    Ok(Some(Artifact::new(ArtifactName::View(azimuth, ViewArtifact::TrustPng), png(map)?)))
 }
 
 /// Holds the maps and the solid against what is known to be true.

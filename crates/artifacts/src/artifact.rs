@@ -26,6 +26,8 @@ pub enum ViewArtifact {
     SilhouettePng,
     /// The subject cut out of the drawing, in colour.
     SubjectPng,
+    /// Black where the view shows paper and the others the subject; only of views that do.
+    TrustPng,
     /// The drawing with the draft's outline, drawn again, over it.
     FitPng,
 }
@@ -73,12 +75,13 @@ impl ArtifactName {
     pub fn media_type(self) -> &'static str {
         use ViewArtifact::{
             DepthPfm, DepthPng, DisparityPfm, DisparityPng, FitPng, NormalsPng, SilhouettePng,
-            SubjectPng,
+            SubjectPng, TrustPng,
         };
         match self {
             Self::View(
                 _,
-                DisparityPng | DepthPng | NormalsPng | SilhouettePng | SubjectPng | FitPng,
+                DisparityPng | DepthPng | NormalsPng | SilhouettePng | SubjectPng | TrustPng
+                | FitPng,
             )
             | Self::Pair(_, _, PairArtifact::MatchesPng | PairArtifact::RectifiedPng)
             | Self::Thumbnail => "image/png",
@@ -107,6 +110,7 @@ impl fmt::Display for ArtifactName {
                     ViewArtifact::NormalsPng => "normals.png",
                     ViewArtifact::SilhouettePng => "silhouette.png",
                     ViewArtifact::SubjectPng => "subject.png",
+                    ViewArtifact::TrustPng => "trust.png",
                     ViewArtifact::FitPng => "fit.png",
                 };
                 write!(f, "views/{azimuth}/{file}")

@@ -129,7 +129,7 @@ impl PreparedModel {
 
     /// The model as it is drawn: with the option `fit`, its bounding box is centred on the origin
     /// and scaled so that no view leaves the frame, whatever the azimuth.
-    pub(super) fn placed(&self, options: &DrawOptions) -> Cow<'_, Self> {
+    pub fn placed(&self, options: &DrawOptions) -> Cow<'_, Self> {
         let Some((centre, scale)) = self.fit(options) else {
             return Cow::Borrowed(self);
         };

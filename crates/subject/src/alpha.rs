@@ -6,7 +6,7 @@ use std::borrow::Cow;
 use image::{GrayImage, Rgba, RgbaImage};
 use rayon::prelude::*;
 
-use crate::raster::Bits;
+use crate::raster::{Bits, filled};
 
 /// So few transparent pixels are accidents.
 const ACCIDENT_SHARE: f64 = 0.005;
@@ -18,8 +18,10 @@ const LINES_ONLY: f64 = 0.3;
 const LINES_OF_ONE_COLOUR: f64 = 0.6;
 /// What fills so much of its bounds is a page with a transparent margin.
 const PAGE_FILL: f64 = 0.985;
+/// The same if so many times its area is within its lines.
+const ENCLOSING: f64 = 1.7;
 /// The side at which the layer's form is looked at, px.
-const FORM_SIDE: u32 = 512;
+const FORM_SIDE: u32 = 1400;
 
 /// A drawing without transparency, and what its transparency was.
 pub(crate) struct Opaque<'a> {
@@ -61,8 +63,9 @@ pub(crate) fn laid_on_paper(drawing: &RgbaImage) -> Opaque<'_> {
         let paper = form.edge_colour;
         return Opaque { image: Cow::Owned(composite(drawing, paper)), meaning: Meaning::Nothing };
     }
-    let lines =
-        form.wide_share < LINES_ONLY || (form.one_colour && form.wide_share < LINES_OF_ONE_COLOUR);
+    let lines = form.wide_share < LINES_ONLY
+        || (form.one_colour
+            && (form.wide_share < LINES_OF_ONE_COLOUR || form.enclosing > ENCLOSING));
     let paper = if lines && form.luma > 160.0 { [0; 3] } else { [255; 3] };
     let image = Cow::Owned(composite(drawing, paper));
     if lines {
@@ -110,6 +113,8 @@ fn median(colours: &[&Rgba<u8>]) -> [u8; 3] {
 struct Form {
     /// The share of the area that is wider than a stroke.
     wide_share: f64,
+    /// What it encloses, of its area.
+    enclosing: f64,
     /// Whether all of it has about one colour.
     one_colour: bool,
     luma: f64,
@@ -162,6 +167,7 @@ impl Form {
         let light = luma(&edge_colour) > 96.0;
         Self {
             wide_share: wide as f64 / area as f64,
+            enclosing: filled(&bits).count() as f64 / area as f64,
             one_colour: deviation < 40.0,
             luma: mean,
             is_page: fill > PAGE_FILL && covers && even && light,

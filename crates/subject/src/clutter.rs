@@ -24,8 +24,11 @@ const AHEAD: f64 = 0.12;
 const ALONE: f64 = 0.3;
 /// A frame's sides, share of the page's.
 const FRAME: f64 = 0.7;
-/// What a frame holds is at least this share of its height.
+/// What a frame holds is at least this share of its height, and of one along the
+/// page's border, which is within the last share of it, the second share.
 const FRAMED: f64 = 0.3;
+const FRAMED_AT_BORDER: f64 = 0.04;
+const AT_BORDER: f64 = 0.03;
 /// A line that touches nothing, share of the page's length.
 const LOOSE_LENGTH: f64 = 0.1;
 /// On pages of several figures: a guide's length, how much of it is alone and
@@ -308,7 +311,12 @@ fn holds_a_figure([top, bottom, left, right]: &[Line; 4], ink: &Bits) -> bool {
         return false;
     }
     let inked = (y0..y1).filter(|&y| ink.row(y)[x0..x1].iter().any(|is| *is)).count();
-    inked as f64 >= FRAMED * (y1 - y0) as f64
+    let (w, h) = (ink.width as f64, ink.height as f64);
+    let near = AT_BORDER * w.max(h);
+    let at_border =
+        top.at <= near && left.at <= near && bottom.at >= h - near && right.at >= w - near;
+    let least = if at_border { FRAMED_AT_BORDER } else { FRAMED };
+    inked as f64 >= least * (y1 - y0) as f64
 }
 
 #[cfg(test)]

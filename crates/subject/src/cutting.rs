@@ -4,9 +4,12 @@
 use crate::raster::{Bits, filled};
 use crate::straight::Line;
 
-/// If drawing every second stretch again encloses less than this of what all
-/// do, the count was wrong.
-const ALTERNATING: f64 = 0.85;
+/// Paper between two feet is so long, of the longer foot, or so many times as
+/// high as it is long.
+const AS_LONG: f64 = 0.8;
+const AS_HIGH: f64 = 2.5;
+/// Smaller areas are noise, px².
+const LEAST_AREA: usize = 6;
 
 /// What of a removed line is drawn again: what closes the figure on it best, or
 /// only where strokes go on across it, which leaves several figures apart.
@@ -26,19 +29,71 @@ pub(crate) fn cut_all(ink: &mut Bits, lines: &[Line], stroke_px: f64, restored: 
     }
     for line in lines {
         let runs = contacts(ink, line, stroke_px);
-        if runs.len() < 2 {
+        let stretches: Vec<(&Contact, &Contact)> = runs.iter().zip(runs.iter().skip(1)).collect();
+        if stretches.is_empty() {
             continue;
         }
-        let with = |step: usize| {
-            let mut ink = ink.clone();
-            restore(&mut ink, &before, line, stroke_px, &runs, step);
-            let area = filled(&ink).count() as f64;
-            (ink, area)
+        let draw = |ink: &mut Bits, is: &dyn Fn(usize) -> bool| {
+            let chosen = stretches.iter().enumerate().filter(|(k, _)| is(*k));
+            let chosen: Vec<_> = chosen.map(|(_, pair)| *pair).collect();
+            restore(ink, &before, line, stroke_px, &chosen);
         };
-        let (alternating, area) = with(2);
-        let (all, all_area) = with(1);
-        *ink = if area >= ALTERNATING * all_area { alternating } else { all };
+        let mut all = ink.clone();
+        draw(&mut all, &|_| true);
+        let figure = figure_stretches(ink, &all, line, stroke_px, &stretches);
+        draw(ink, &|k| figure[k]);
     }
+}
+
+/// Which stretches of a line between strokes are the figure's own edge: all that
+/// must be drawn to close it, but for paper between its feet.
+///
+/// Paper between feet borders on one stretch alone, on either side of which the
+/// figure stands, and is long or high; the first and last stretches are feet.
+///
+/// * `all`: `ink` with all stretches drawn again.
+fn figure_stretches(
+    ink: &Bits,
+    all: &Bits,
+    line: &Line,
+    stroke_px: f64,
+    stretches: &[(&Contact, &Contact)],
+) -> Vec<bool> {
+    let gained = filled(all).and_not(&filled(ink)).and_not(all);
+    let regions = gained.components(false);
+    let (first, last) = (line.thickness / 2.0 + 1.0, contact_offset(line, stroke_px) + stroke_px);
+    let beside = |(a, b): &(&Contact, &Contact)| -> Option<usize> {
+        let mut counts = std::collections::BTreeMap::new();
+        for along in a.to + 1..b.from {
+            for d in first as usize..=last.ceil() as usize {
+                let across = (line.across(along) + a.side * d as f64).floor() as i64;
+                let along = along as i64;
+                let (x, y) = if line.upright { (across, along) } else { (along, across) };
+                let inside =
+                    x >= 0 && y >= 0 && (x as usize) < ink.width && (y as usize) < ink.height;
+                let label =
+                    if inside { regions.labels[y as usize * ink.width + x as usize] } else { 0 };
+                *counts.entry(label).or_insert(0_usize) += 1;
+            }
+        }
+        let largest = counts.into_iter().filter(|(label, _)| *label != 0).max_by_key(|c| c.1)?;
+        let region = largest.0 as usize - 1;
+        (regions.parts[region].area >= LEAST_AREA).then_some(region)
+    };
+    let own: Vec<Option<usize>> = stretches.iter().map(beside).collect();
+    let length = |k: usize| (stretches[k].1.from.saturating_sub(stretches[k].0.to)) as f64;
+    let is_paper = |k: usize| {
+        let Some(region) = own[k] else { return false };
+        let alone = own.iter().filter(|other| **other == Some(region)).count() == 1;
+        if k == 0 || k + 1 == stretches.len() || !alone {
+            return false;
+        }
+        let bounds = &regions.parts[region].bounds;
+        let high = f64::from(if line.upright { bounds.width() } else { bounds.height() });
+        let feet = length(k - 1).max(length(k + 1));
+        length(k) >= AS_LONG * feet || high >= AS_HIGH * length(k)
+    };
+    (0..stretches.len()).map(|k| own[k].is_some() && !is_paper(k)).collect()
 }
 
 /// A view of the raster along a line: `(along, across)`.
@@ -154,28 +209,21 @@ fn contact_offset(line: &Line, stroke_px: f64) -> f64 {
     (line.thickness / 2.0).ceil() + (1.5 * stroke_px).max(3.0)
 }
 
-/// Draws a line again between strokes that meet it: between all, or between
-/// every second two, which are the figure's own edges if it stands on feet.
+/// Draws stretches of a line again between strokes that meet it.
 fn restore(
     ink: &mut Bits,
     before: &Bits,
     line: &Line,
     stroke_px: f64,
-    runs: &[Contact],
-    step: usize,
+    stretches: &[(&Contact, &Contact)],
 ) {
     let mut copy = before.clone();
     let old = Along { ink: &mut copy, upright: line.upright };
     let mut view = Along { ink, upright: line.upright };
     let offset = contact_offset(line, stroke_px);
-    let odd = step == 2 && runs.len() % 2 == 1;
-    for pair in runs.windows(2).step_by(if odd { 1 } else { step }) {
-        let side = pair[0].side;
-        // Lines inside spoil the count: then shallow areas are the figure's feet.
-        if odd && !is_shallow(&view, line, side, pair[0].to + 1..pair[1].from) {
-            continue;
-        }
-        let (from, to) = (pair[0].from, pair[1].to);
+    for (start, end) in stretches {
+        let side = start.side;
+        let (from, to) = (start.from, end.to);
         let drawn = |along: &usize| {
             let near = line.across(*along) + side * (line.thickness / 2.0 + 0.5);
             (-1..3).any(|d| view.at(*along as i64, (near + side * f64::from(d)).floor() as i64))
@@ -191,7 +239,7 @@ fn restore(
             (low..high).for_each(|y| view.set(along as i64, y, true));
         }
         // The figure's strokes go down to the line.
-        for along in (pair[0].from..=pair[0].to).chain(pair[1].from..=pair[1].to) {
+        for along in (start.from..=start.to).chain(end.from..=end.to) {
             let middle = line.across(along);
             let far = middle + side * offset;
             let (a, b) = (middle.min(far).floor() as i64, middle.max(far).ceil() as i64);
@@ -200,17 +248,4 @@ fn restore(
             }
         }
     }
-}
-
-/// Whether strokes bound the paper beside a stretch of the line not much
-/// farther away than the stretch is long.
-fn is_shallow(view: &Along<'_>, line: &Line, side: f64, stretch: std::ops::Range<usize>) -> bool {
-    let reach = (1.5 * stretch.len() as f64 + 3.0 * line.thickness) as i64;
-    let from = line.thickness.ceil() as i64 + 1;
-    let bounded = |along: &usize| {
-        let middle = line.across(*along).floor() as i64;
-        (from..=reach).any(|d| view.at(*along as i64, middle + side as i64 * d))
-    };
-    let count = stretch.len();
-    stretch.filter(bounded).count() * 10 >= count * 8
 }

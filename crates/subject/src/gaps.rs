@@ -25,6 +25,10 @@ const FAN_DEG: f64 = 50.0;
 /// ends that face each other, and by others.
 const DEPTH_FACING: f64 = 0.22;
 const DEPTH_OTHER: f64 = 0.55;
+/// The same of a large area, of more than a share of the gap squared: limbs that
+/// have lost their tips are narrow.
+const DEPTH_LARGE: f64 = 0.15;
+const LARGE: f64 = 0.25;
 
 /// A curve that joins two ends, or an end and a stroke's side.
 #[derive(Clone, Debug)]
@@ -144,9 +148,16 @@ impl Closed {
             *own = own.max(depth.data[i]);
         }
         let is_wide = |k: usize| {
+            let area = regions.parts[k].area as f64;
             let needed = borders[k].iter().map(|&b| {
                 let bridge = stage[b];
-                bridge.width_px * if bridge.facing { DEPTH_FACING } else { DEPTH_OTHER }
+                let large = area >= LARGE * bridge.width_px.powi(2);
+                let depth = match (bridge.facing, large) {
+                    (true, _) => DEPTH_FACING,
+                    (false, true) => DEPTH_LARGE,
+                    (false, false) => DEPTH_OTHER,
+                };
+                bridge.width_px * depth
             });
             let needed = needed.fold(1.0, f64::max);
             f64::from(depths[k]) >= needed && regions.parts[k].area >= least_area_px

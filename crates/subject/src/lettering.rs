@@ -3,18 +3,31 @@
 use crate::raster::{Bits, Component, Components};
 use crate::report::Box2;
 
-/// The tallest letter, share of the drawn height.
-const TALLEST: f64 = 0.1;
-/// The shortest, share of the drawn height.
+/// What letters are taken for a word.
+struct Limits {
+    /// The tallest letter, share of the drawn height.
+    tallest: f64,
+    /// Parts longer than this share of the drawn height may be the figure.
+    large: f64,
+    /// Paper around a word, of its height.
+    clear: f64,
+    /// Letters of a word.
+    least_letters: usize,
+    /// Whether they are of one height and wholly above or below what is largest.
+    apart: bool,
+}
+
+const WORDS: Limits =
+    Limits { tallest: 0.1, large: 0.12, clear: 0.3, least_letters: 2, apart: false };
+/// Titles of small figures.
+const TITLES: Limits =
+    Limits { tallest: 0.22, large: 0.26, clear: 0.15, least_letters: 4, apart: true };
+/// Letters of a title are of one height to this share.
+const EVEN: f64 = 0.75;
+/// The shortest letter, share of the drawn height.
 const SHORTEST: f64 = 0.008;
-/// Parts longer than this share of the drawn height may be the figure.
-const LARGE: f64 = 0.12;
 /// The next letter is within so many letter heights.
 const PITCH: f64 = 1.6;
-/// Paper around a word, of its height.
-const CLEAR: f64 = 0.3;
-/// Letters of a word.
-const LEAST_LETTERS: usize = 2;
 
 /// Lettering in a raster of ink.
 pub(crate) struct Lettering {
@@ -29,11 +42,20 @@ pub(crate) struct Lettering {
 ///
 /// * `stroke_px`: the width of the drawing's strokes.
 pub(crate) fn find(ink: &Bits, stroke_px: f64) -> Lettering {
+    let mut words = found(ink, stroke_px, &WORDS);
+    let rest = ink.clone().and_not(&words.pixels);
+    let titles = found(&rest, stroke_px, &TITLES);
+    words.pixels = words.pixels.or(&titles.pixels);
+    words.lines.extend(titles.lines);
+    words
+}
+
+fn found(ink: &Bits, stroke_px: f64, limits: &Limits) -> Lettering {
     let parts = ink.components(true);
     let drawn = ink.bounds().unwrap_or_default();
     let height = f64::from(drawn.height().max(drawn.width()));
     let large = |part: &Component| {
-        f64::from(part.bounds.height().max(part.bounds.width())) >= LARGE * height
+        f64::from(part.bounds.height().max(part.bounds.width())) >= limits.large * height
     };
     let surround = Surround::of(ink, &parts, large);
     let small: Vec<usize> = (0..parts.parts.len())
@@ -41,29 +63,47 @@ pub(crate) fn find(ink: &Bits, stroke_px: f64) -> Lettering {
             let part = &parts.parts[k];
             let tall = f64::from(part.bounds.height());
             !large(part)
-                && tall <= TALLEST * height
-                && f64::from(part.bounds.width()) <= 2.0 * TALLEST * height
+                && tall <= limits.tallest * height
+                && f64::from(part.bounds.width()) <= 2.0 * limits.tallest * height
                 && tall.max(f64::from(part.bounds.width())) >= (SHORTEST * height).max(3.0)
                 && !surround.holds(&part.bounds)
         })
         .collect();
     let groups = words(&small, &parts);
+    let figure = parts
+        .parts
+        .iter()
+        .map(|part| part.bounds)
+        .max_by_key(|b| u64::from(b.width()) * u64::from(b.height()));
+    let figure = figure.unwrap_or_default();
     let mut letter = vec![false; parts.parts.len()];
     let mut lines = Vec::new();
     for group in groups {
         let bounds = group.iter().map(|&k| parts.parts[k].bounds).reduce(|a, b| a.joined(&b));
         let Some(bounds) = bounds else { continue };
         // Two marks above each other are no word.
-        if group.len() < LEAST_LETTERS || bounds.width() * 4 < bounds.height() * 5 {
+        if group.len() < limits.least_letters || bounds.width() * 4 < bounds.height() * 5 {
             continue;
         }
         let tall = group.iter().map(|&k| parts.parts[k].bounds.height()).max().unwrap_or(0);
         let tallest = group.iter().filter(|&&k| parts.parts[k].bounds.height() * 2 > tall).count();
-        if tallest < LEAST_LETTERS {
+        if tallest < limits.least_letters {
             continue;
         }
+        if limits.apart {
+            let even = group
+                .iter()
+                .filter(|&&k| f64::from(parts.parts[k].bounds.height()) >= EVEN * f64::from(tall))
+                .count();
+            let beside = bounds.bottom <= figure.top || bounds.top >= figure.bottom;
+            if even < limits.least_letters || !beside {
+                continue;
+            }
+        }
         let dashes = group.iter().filter(|&&k| is_dash(&parts.parts[k], stroke_px)).count();
-        if dashes * 2 > group.len() || is_crowded(ink, &parts, &group, &bounds, tall) {
+        if dashes * 2 > group.len()
+            || is_crowded(ink, &parts, &group, &bounds, f64::from(tall) * limits.clear)
+        {
             continue;
         }
         group.iter().for_each(|&k| letter[k] = true);
@@ -91,10 +131,16 @@ fn is_dash(part: &Component, stroke_px: f64) -> bool {
     (part.area as f64) < 1.45 * length * stroke_px && w.max(h) > 1.5 * stroke_px
 }
 
-/// Whether anything else is drawn closer to a word than a third of its height.
-fn is_crowded(ink: &Bits, parts: &Components, group: &[usize], bounds: &Box2, tall: u32) -> bool {
-    let reach = f64::from(tall) * CLEAR;
-    let reach = (reach.ceil() as u32).max(2);
+/// Whether anything else is drawn closer to a word than `reach_px`.
+fn is_crowded(
+    ink: &Bits,
+    parts: &Components,
+    group: &[usize],
+    bounds: &Box2,
+    reach_px: f64,
+) -> bool {
+    let reach = (reach_px.ceil() as u32).max(2);
+    let tall = group.iter().map(|&k| parts.parts[k].bounds.height()).max().unwrap_or(0);
     let (left, top) = (bounds.left.saturating_sub(reach), bounds.top.saturating_sub(reach));
     let right = (bounds.right + reach).min(ink.width as u32);
     let bottom = (bounds.bottom + reach).min(ink.height as u32);

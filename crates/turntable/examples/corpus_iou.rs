@@ -1,7 +1,7 @@
 //! Drafts of many models against the models: intersection over union by kind.
 //!
 //!     corpus_iou INDEX FOLDER [--sets T5,FQS] [--prior off,on,auto] [--size 480x270]
-//!                [--every N] [--limit N] [--names a,b] [--hull] [--cells 128] [--holes auto]
+//!                [--every N] [--limit N] [--names a,b] [--hull] [--cells 128] [--holes auto] [--boxy auto]
 //!                [--pictures FOLDER]
 //!
 //! INDEX is a Markdown table whose first two columns are name and kind; FOLDER
@@ -15,15 +15,13 @@ use std::time::Instant;
 use drawing::{DrawOptions, Drawer, PreparedModel};
 use evaluation::{ComparisonOptions, SolidTruth};
 use frames::Azimuth;
-use mesh::read::{Limits, Model, ModelFormat, load};
+use mesh::read::{Limits, ModelFormat, load};
 use progress::Silent;
 use sheet::{Sheet, View};
 use turntable::options::{Holes, SolidKind, Switch, TurntableOptions};
 
 type Fallible<T> = Result<T, Box<dyn Error>>;
 
-/// Pixels across of the drawing's frame that the model may use.
-const FITTED_SHARE: f64 = 0.9;
 /// Models whose inside is open tell little.
 const CLOSED: f64 = 0.6;
 
@@ -91,20 +89,6 @@ fn azimuths(set: &str) -> Vec<f64> {
     }
 }
 
-/// The model about the origin, as large as every view can show.
-fn placed(mut model: Model, options: &DrawOptions) -> Fallible<Model> {
-    let (low, high) = model.mesh.bounds().ok_or("no vertices")?;
-    let centre = nalgebra::center(&low, &high).coords;
-    let positions = &mut model.mesh.positions;
-    positions.iter_mut().for_each(|p| p.coords -= centre);
-    let reach = positions.iter().map(|p| p.coords.xy().norm()).fold(0.0, f64::max);
-    let rise = positions.iter().map(|p| p.z.abs()).fold(0.0, f64::max);
-    let height = f64::from(options.height_px) / options.pixels_per_unit();
-    let scale = FITTED_SHARE * (options.scale / (2.0 * reach)).min(height / (2.0 * rise));
-    positions.iter_mut().for_each(|p| p.coords *= scale);
-    Ok(model)
-}
-
 fn sheet_of(drawer: &Drawer<'_>, degrees: &[f64]) -> Fallible<Sheet> {
     use rayon::prelude::*;
     let view = |&degrees: &f64| -> Result<View, String> {
@@ -114,6 +98,14 @@ fn sheet_of(drawer: &Drawer<'_>, degrees: &[f64]) -> Fallible<Sheet> {
     };
     let views: Vec<View> = degrees.par_iter().map(view).collect::<Result<_, _>>()?;
     Ok(Sheet::new(views)?)
+}
+
+fn switch(word: &str) -> Switch {
+    match word {
+        "on" => Switch::On,
+        "off" => Switch::Off,
+        _ => Switch::Auto,
+    }
 }
 
 fn variants(arguments: &Arguments) -> Vec<(String, TurntableOptions)> {
@@ -133,11 +125,9 @@ fn variants(arguments: &Arguments) -> Vec<(String, TurntableOptions)> {
     }
     for prior in arguments.get("prior", "off,on,auto").split(',') {
         let mut options = base.clone();
-        options.solid.prior = match prior {
-            "off" => Switch::Off,
-            "on" => Switch::On,
-            _ => Switch::Auto,
-        };
+        options.solid.boxy =
+            switch(if prior == "boxy" { "on" } else { arguments.get("boxy", "auto") });
+        options.solid.prior = switch(prior);
         variants.push((prior.to_owned(), options));
     }
     variants
@@ -148,12 +138,14 @@ type Sums = BTreeMap<(String, &'static str), Vec<(String, f64)>>;
 fn measure(entry: &Entry, folder: &Path, arguments: &Arguments, sums: &mut Sums) -> Fallible<()> {
     let size: Vec<u32> =
         arguments.get("size", "480x270").split('x').filter_map(|side| side.parse().ok()).collect();
-    let draw = DrawOptions { width_px: size[0], height_px: size[1], ..DrawOptions::default() };
+    let draw =
+        DrawOptions { width_px: size[0], height_px: size[1], fit: true, ..DrawOptions::default() };
     let bytes = std::fs::read(folder.join(format!("{}.glb", entry.name)))?;
-    let model = placed(load(&bytes, ModelFormat::Glb, None, &Limits::default())?, &draw)?;
-    let prepared = PreparedModel::new(&model)?;
+    let model = load(&bytes, ModelFormat::Glb, None, &Limits::default())?;
+    let model = PreparedModel::new(&model)?;
+    let prepared = model.placed(&draw);
     let drawer = Drawer::new(&prepared, &draw)?;
-    let mut truth = model.mesh.clone();
+    let mut truth = prepared.mesh().clone();
     truth.positions.iter_mut().for_each(|p| p.coords *= draw.pixels_per_unit());
     let cells = arguments.get("cells", "128").parse()?;
     let comparison = ComparisonOptions { grid_cells: cells, samples: 2000, ..Default::default() };
@@ -168,6 +160,7 @@ fn measure(entry: &Entry, folder: &Path, arguments: &Arguments, sums: &mut Sums)
             let seconds = start.elapsed().as_secs_f64();
             let iou = truth.evaluate(&draft.solid.mesh)?.iou;
             line += &format!("  {name} {iou:.3} ({seconds:.1} s)");
+            line += &format!(" straight {:.3}", draft.solid.report.straight_share);
             if let Some(report) = &draft.solid.report.prior {
                 line += &format!(" {report:?}");
             }

@@ -137,9 +137,10 @@ pub struct SolidOptions {
     pub kind: SolidKind,
     /// Whether corners that are drawn as lines stay sharp.
     pub creases: bool,
-    /// Whether corners that no view can judge are sharp: for furniture and
-    /// buildings. Front and side alone cannot tell a box from a cylinder.
-    pub boxy: bool,
+    /// Whether corners that no view can judge are sharp, as of furniture and
+    /// buildings: front and side alone cannot tell a box from a cylinder. By
+    /// itself where most of the outlines runs straight up or across.
+    pub boxy: Switch,
     /// Whether views are added that show the subject in a mirror.
     pub symmetry: Switch,
     /// Which closed regions are holes.
@@ -173,7 +174,7 @@ impl Default for SolidOptions {
         Self {
             kind: SolidKind::default(),
             creases: true,
-            boxy: false,
+            boxy: Switch::Auto,
             symmetry: Switch::default(),
             holes: Holes::default(),
             drop_ghosts: true,

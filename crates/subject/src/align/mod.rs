@@ -10,7 +10,7 @@ mod trusted;
 use serde::Serialize;
 
 use crate::subject::Subject;
-use profile::Profile;
+use profile::{Profile, Rows};
 
 pub use resample::{Aligned, apply};
 pub use trusted::trust;
@@ -109,6 +109,9 @@ const MARGIN: f64 = 0.08;
 const LEAST_TOLERANCE_PX: f64 = 1.25;
 /// Shifts that explain no more than this of the rows' widths are not made.
 const CONSISTENT: f64 = 0.002;
+/// A view of which one end differs is taken at its size, without a part, if it
+/// fits twice as well, and better by this share of the rows' widths.
+const LACKS_A_PART: f64 = 0.001;
 /// How far off views of one image size usually are sideways, share of height.
 const USUAL_SHIFT: f64 = 0.012;
 /// The same for views each in its own frame, about the middle of its figure.
@@ -153,13 +156,32 @@ pub fn align(views: &[View<'_>], options: &AlignOptions) -> Alignment {
     }
     let middle = |k: usize| if framed { profiles[k].middle } else { f64::from(sizes[k].0) / 2.0 };
     let usual = if framed { FRAME_SHIFT } else { USUAL_SHIFT } * height;
-    let rows: Vec<_> = profiles
-        .iter()
-        .enumerate()
-        .map(|(k, p)| p.sampled(tops[k], height / scales[k], middle(k), scales[k]))
-        .collect();
     let azimuths: Vec<f64> = views.iter().map(|view| view.azimuth_deg).collect();
-    let mut shifts = axis::shifts(&azimuths, &rows, usual);
+    let placed = |scales: &[f64], tops: &[f64]| -> (Vec<Rows>, Vec<f64>) {
+        let sampled = |(k, p): (usize, &Profile)| {
+            p.sampled(tops[k], height / scales[k], middle(k), scales[k])
+        };
+        let rows: Vec<Rows> = profiles.iter().enumerate().map(sampled).collect();
+        let shifts = axis::shifts(&azimuths, &rows, usual);
+        (rows, shifts)
+    };
+    let (mut rows, mut shifts) = placed(&scales, &tops);
+    // A view that differs at one end only may lack a part there.
+    for k in 0..views.len() {
+        let p = &profiles[k];
+        let ends = [(p.top - top).abs() <= tolerance, (p.bottom - bottom).abs() <= tolerance];
+        if framed || scales[k] == 1.0 || ends[0] == ends[1] {
+            continue;
+        }
+        let (mut as_drawn, mut as_drawn_tops) = (scales.clone(), tops.clone());
+        (as_drawn[k], as_drawn_tops[k]) = (1.0, top);
+        let (other_rows, other_shifts) = placed(&as_drawn, &as_drawn_tops);
+        let scaled = disagreement(&azimuths, &rows, &shifts);
+        let kept = disagreement(&azimuths, &other_rows, &other_shifts);
+        if kept + LACKS_A_PART < scaled && kept < 0.5 * scaled {
+            (scales, tops, rows, shifts) = (as_drawn, as_drawn_tops, other_rows, other_shifts);
+        }
+    }
     let largest = shifts.iter().fold(0.0_f64, |most, s| most.max(s.abs()));
     if !framed && (largest <= tolerance || is_consistent(&azimuths, &rows, &shifts)) {
         shifts.fill(0.0);
@@ -199,12 +221,15 @@ pub fn align(views: &[View<'_>], options: &AlignOptions) -> Alignment {
 }
 
 /// Whether the views agree as they are about as well as after `shifts`.
-fn is_consistent(azimuths: &[f64], rows: &[profile::Rows], shifts: &[f64]) -> bool {
-    let mean = |shifts: &[f64]| {
-        let missing = section::unexplained(azimuths, rows, shifts);
-        missing.iter().sum::<f64>() / missing.len().max(1) as f64
-    };
-    mean(&vec![0.0; shifts.len()]) <= mean(shifts) + CONSISTENT
+fn is_consistent(azimuths: &[f64], rows: &[Rows], shifts: &[f64]) -> bool {
+    let still = vec![0.0; shifts.len()];
+    disagreement(azimuths, rows, &still) <= disagreement(azimuths, rows, shifts) + CONSISTENT
+}
+
+/// How much of the rows' widths no common section explains, mean of the views.
+fn disagreement(azimuths: &[f64], rows: &[Rows], shifts: &[f64]) -> f64 {
+    let missing = section::unexplained(azimuths, rows, shifts);
+    missing.iter().sum::<f64>() / missing.len().max(1) as f64
 }
 
 /// A canvas around figures that come in frames of their own.

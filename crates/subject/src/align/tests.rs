@@ -17,7 +17,7 @@ fn mask(azimuth_deg: f64, scale: f64, dx: f64, dy: f64, size: (u32, u32)) -> Gra
             (u - middle).abs() <= (half.0 * c).hypot(half.1 * s)
         };
         let body = v.abs() < 110.0 && inside(0.15 * v, 0.0, (40.0 + 0.1 * v, 26.0));
-        let nose = (v + 70.0).abs() < 18.0 && inside(-60.0, 0.0, (8.0, 14.0));
+        let nose = (v + 70.0).abs() < 18.0 && inside(-85.0, 0.0, (8.0, 14.0));
         let foot = (100.0..110.0).contains(&v) && inside(-30.0, 0.0, (36.0, 30.0));
         Luma([if body || nose || foot { 255 } else { 0 }])
     })
@@ -49,7 +49,8 @@ fn a_clean_sheet_stays_as_it_is() {
     assert!(!alignment.changes);
     let aligned = apply(&alignment, &views);
     assert_eq!(aligned[2].mask, subjects[2].mask);
-    assert!(trust(&alignment, &aligned).iter().all(|map| map.iter().all(|level| *level == 255)));
+    let masks: Vec<&GrayImage> = aligned.iter().map(|view| &view.mask).collect();
+    assert!(trust(&alignment, &masks, true).iter().all(Option::is_none));
     let found = hypotheses(&views, &alignment, &Default::default());
     assert!(found.suggestions.is_empty(), "{found:?}");
 }
@@ -102,8 +103,47 @@ fn a_profile_of_the_wrong_side_is_named() {
 fn no_views_and_one_view_are_left_alone() {
     let none = align(&[], &AlignOptions::default());
     assert!(none.views.is_empty() && !none.changes);
-    assert!(apply(&none, &[]).is_empty() && trust(&none, &[]).is_empty());
+    assert!(apply(&none, &[]).is_empty() && trust(&none, &[], true).is_empty());
     let one = [subject(mask(0.0, 1.0, 0.0, 0.0, SIZE))];
     let alignment = align(&views(&[0.0], &one), &AlignOptions::default());
     assert!(!alignment.changes);
+}
+
+#[test]
+fn a_view_without_its_nose_is_not_trusted_there() {
+    let mut subjects = clean();
+    let side = &mut subjects[2].mask;
+    // Facing left, the nose is left of the body.
+    let nose: Vec<_> = side
+        .enumerate_pixels()
+        .filter(|(x, y, p)| *x < 105 && *y < 80 && p.0[0] > 0)
+        .map(|(x, y, _)| (x, y))
+        .collect();
+    assert!(nose.len() > 100);
+    nose.iter().for_each(|&(x, y)| side.put_pixel(x, y, Luma([0])));
+    let views = views(&AZIMUTHS, &subjects);
+    let alignment = align(&views, &AlignOptions::default());
+    let masks: Vec<&GrayImage> = subjects.iter().map(|subject| &subject.mask).collect();
+    let found = trust(&alignment, &masks, false);
+    let doubted = |k: usize| {
+        found[k].as_ref().map_or(0, |map| map.iter().filter(|level| **level == 0).count())
+    };
+    assert!(doubted(2) > nose.len() / 3, "{} of {}", doubted(2), nose.len());
+    assert_eq!([0, 1, 3].map(doubted), [0; 3]);
+}
+
+#[test]
+fn a_view_without_its_top_keeps_its_size() {
+    let mut subjects = clean();
+    let side = &mut subjects[2].mask;
+    (0..60).for_each(|y| (0..SIZE.0).for_each(|x| side.put_pixel(x, y, Luma([0]))));
+    let views = views(&AZIMUTHS, &subjects);
+    let alignment = align(&views, &AlignOptions::default());
+    assert_eq!(alignment.views[2].transform.scale, 1.0, "{:?}", alignment.views[2]);
+    let masks: Vec<&GrayImage> = subjects.iter().map(|subject| &subject.mask).collect();
+    let found = trust(&alignment, &masks, false);
+    let doubted = |k: usize| {
+        found[k].as_ref().map_or(0, |map| map.iter().filter(|level| **level == 0).count())
+    };
+    assert!(doubted(2) > 800, "{}", doubted(2));
 }

@@ -3,32 +3,50 @@
 
 use image::{GrayImage, Luma};
 
+use super::Alignment;
 use super::profile::{Profile, ROWS, Rows};
 use super::section::{NOISE_PX, Section, strips};
-use super::{Aligned, Alignment};
 
 /// What a view takes from the others must be at least this wide, share of the
 /// figure's height.
 const LEAST_LIMB: f64 = 0.03;
 /// Leaving out a view that is at fault explains the rest this much better.
 const BETTER: f64 = 0.35;
+/// What may be cut of the view at fault itself, share of all that is cut.
+const OWN_SHARE: f64 = 0.2;
 /// So many rows in turn make a limb, of [`ROWS`].
 const LEAST_RUN: usize = 2;
 
-/// Per view of the canvas' size, 255 where the view can be trusted and 0 where
-/// others show the subject and it shows paper, or where its paper would cut off
-/// what several others agree on. In the views' order.
+/// Per view, 255 where it can be trusted and 0 where others show the subject and
+/// it shows paper, so that its paper would cut off what several others agree on;
+/// `None` if it can be trusted all over. In the views' order.
 ///
 /// In a row, every view's extent must be the shadow of one common section. If
 /// it is not, the view is at fault without which the others' extents are
-/// explained; of two opposite views that differ it is the narrower one.
-pub fn trust(alignment: &Alignment, aligned: &[Aligned]) -> Vec<GrayImage> {
+/// explained, or the only one that shows nothing there.
+///
+/// * `masks`: of each view, on the canvas or, with `laid` off, as it was drawn.
+pub fn trust(alignment: &Alignment, masks: &[&GrayImage], laid: bool) -> Vec<Option<GrayImage>> {
     let canvas = &alignment.canvas;
-    let (top, height) = (canvas.rows[0], (canvas.rows[1] - canvas.rows[0]).max(1.0));
+    let height = (canvas.rows[1] - canvas.rows[0]).max(1.0);
+    let frames: Vec<Frame> = alignment
+        .views
+        .iter()
+        .map(|view| {
+            let transform = if laid { super::Transform::IDENTITY } else { view.transform };
+            Frame {
+                axis: if laid { canvas.axis_x } else { view.axis_x },
+                top: (canvas.rows[0] - transform.dy) / transform.scale,
+                scale: transform.scale,
+            }
+        })
+        .collect();
     let azimuths: Vec<f64> = alignment.views.iter().map(|view| view.azimuth_deg).collect();
-    let profiles: Vec<Profile> = aligned.iter().map(|view| Profile::of(&view.mask)).collect();
-    let rows: Vec<Rows> =
-        profiles.iter().map(|p| p.sampled(top, height, canvas.axis_x, 1.0)).collect();
+    let rows: Vec<Rows> = masks
+        .iter()
+        .zip(&frames)
+        .map(|(mask, f)| Profile::of(mask).sampled(f.top, height / f.scale, f.axis, f.scale))
+        .collect();
     let mut faults: Vec<Vec<Option<(f64, f64)>>> = vec![vec![None; ROWS]; rows.len()];
     let none = vec![0.0; rows.len()];
     let found = (0..ROWS).filter_map(|y| {
@@ -39,24 +57,34 @@ pub fn trust(alignment: &Alignment, aligned: &[Aligned]) -> Vec<GrayImage> {
         faults[view][y] = Some(span);
     }
     let map = |(view, faults): (usize, &Vec<Option<(f64, f64)>>)| {
-        let mut map = GrayImage::from_pixel(canvas.width, canvas.height, Luma([255]));
-        let step = height / ROWS as f64;
-        for (y, span) in runs(faults) {
-            let (from, to) = (top + y as f64 * step, top + (y as f64 + 1.0) * step);
-            let (left, right) = (span.0 + canvas.axis_x, span.1 + canvas.axis_x);
-            for v in from.floor().max(0.0) as u32..(to.ceil() as u32).min(canvas.height) {
-                for u in
-                    left.floor().max(0.0) as u32..(right.ceil().max(0.0) as u32).min(canvas.width)
-                {
-                    if aligned[view].mask.get_pixel(u, v).0[0] < 128 {
-                        map.put_pixel(u, v, Luma([0]));
-                    }
+        let runs = runs(faults);
+        let (mask, frame) = (masks[view], &frames[view]);
+        let mut map = GrayImage::from_pixel(mask.width(), mask.height(), Luma([255]));
+        let step = height / frame.scale / ROWS as f64;
+        let mut doubted = false;
+        for &(y, span) in &runs {
+            let (from, to) = (frame.top + y as f64 * step, frame.top + (y as f64 + 1.0) * step);
+            let column = |u: f64| u / frame.scale + frame.axis;
+            let columns = column(span.0).floor().max(0.0) as u32
+                ..(column(span.1).ceil().max(0.0) as u32).min(mask.width());
+            for v in from.floor().max(0.0) as u32..(to.ceil().max(0.0) as u32).min(mask.height()) {
+                for u in columns.clone().filter(|&u| mask.get_pixel(u, v).0[0] < 128) {
+                    map.put_pixel(u, v, Luma([0]));
+                    doubted = true;
                 }
             }
         }
-        map
+        doubted.then_some(map)
     };
     faults.iter().enumerate().map(map).collect()
+}
+
+/// Where the subject lies in a view: its axis' column, its first row, and canvas
+/// pixels per view pixel.
+struct Frame {
+    axis: f64,
+    top: f64,
+    scale: f64,
 }
 
 /// Faulty rows that have faulty neighbours.
@@ -91,32 +119,45 @@ fn fault(
         let shown: Vec<_> =
             (0..all.len()).filter(|k| Some(*k) != without).filter_map(|k| all[k]).collect();
         let section = Section::within(&shown);
-        let of_strip = |strip: &(f64, f64, f64)| match section.shadow(strip.0) {
-            None => strip.2 - strip.1,
-            Some((a, b)) => (a - strip.1).max(0.0) + (strip.2 - b).max(0.0),
-        };
-        (shown.iter().map(of_strip).sum::<f64>(), section, shown.len())
+        (shown.iter().map(|strip| beyond(&section, strip)).sum::<f64>(), section, shown.len())
     };
-    let (base, _, shown) = missing(None);
+    let (base, whole, shown) = missing(None);
+    let mut absent = (0..all.len()).filter(|k| all[*k].is_none());
+    if let (Some(view), None) = (absent.next(), absent.next())
+        && shown >= 2
+        && base < least_px
+    {
+        return Some((view, whole.shadow(azimuths_deg[view])?));
+    }
     if base < least_px || shown < 3 {
         return None;
     }
-    let mut best: Option<(f64, usize, (f64, f64))> = None;
+    let mut best = None;
     for k in 0..all.len() {
-        let Some((_, left, right)) = all[k] else { continue };
+        let Some(own @ (_, left, right)) = all[k] else { continue };
         let (rest, section, _) = missing(Some(k));
         let Some((a, b)) = section.shadow(azimuths_deg[k]) else { continue };
-        // Only a view that shows less than the others allow cuts them.
+        // Only a view that shows less than the others allow cuts them, and is
+        // itself not cut.
         let wider = (left - a).max(0.0) + (b - right).max(0.0);
-        let gain = base - rest;
-        let explains = rest <= BETTER * base && wider >= least_px;
-        if explains && best.as_ref().is_none_or(|(most, ..)| gain > *most) {
-            best = Some((
-                gain,
-                k,
-                (a.max(left - 2.0 * (right - left)), b.min(right + 2.0 * (right - left))),
-            ));
+        let cuts = beyond(&whole, &own) <= OWN_SHARE * base;
+        if rest > BETTER * base || wider < least_px || !cuts {
+            continue;
         }
+        // Two views that could be at fault: nobody knows which.
+        if best.is_some() {
+            return None;
+        }
+        let width = right - left;
+        best = Some((k, (a.max(left - 2.0 * width), b.min(right + 2.0 * width))));
     }
-    best.map(|(_, view, span)| (view, span))
+    best
+}
+
+/// How much of a strip no section within all can explain, px.
+fn beyond(section: &Section, strip: &(f64, f64, f64)) -> f64 {
+    match section.shadow(strip.0) {
+        None => strip.2 - strip.1,
+        Some((a, b)) => (a - strip.1).max(0.0) + (strip.2 - b).max(0.0),
+    }
 }

@@ -1,6 +1,7 @@
 //! The solid from few views: the visual hull slice by slice, rounded where no
 //! line says that it is sharp.
 
+mod boxiness;
 mod branches;
 mod carving;
 mod crease;
@@ -78,6 +79,8 @@ const MIN_INKED_STEPS: f64 = 0.8;
 const ROUND: f64 = 0.25;
 /// With less ink inside, share, drawings are outlines alone: nothing says round.
 const OUTLINES_ONLY: f64 = 0.002;
+/// Outlines that are straight up or across to this share are of something boxy.
+const BOXY: f64 = 0.6;
 /// A solid with holes that covers less of some drawing's outline, IoU, is held
 /// against one without.
 const MIN_COVER: f64 = 0.95;
@@ -170,6 +173,7 @@ fn prepared_sheet(
     let silhouettes = input.silhouettes.silhouettes.iter();
     let (masks, half_line_px): (Vec<_>, Vec<_>) =
         silhouettes.map(|silhouette| (silhouette.mask(), silhouette.half_line_px())).unzip();
+    report.straight_share = boxiness::straight_share(&masks);
     let seen = symmetry::detect(&sheet.drawings(), false);
     if options.holes != Holes::Off || !input.hole_hints.is_empty() {
         let found = holes::carve(
@@ -366,7 +370,11 @@ fn outlines_of(
     let sharp: Vec<Vec<Vec<bool>>> = if options.kind == SolidKind::Creased && options.creases {
         let window_px = CREASE_WINDOW * slices.len() as f64 * lattice.pitch_px;
         let evidence = sheet.ink_evidence();
-        crease::sharp_corners(slices, &evidence, lattice.pitch_px, window_px, options.boxy)
+        let boxy = match options.boxy {
+            Switch::Auto => report.straight_share >= BOXY,
+            switch => switch == Switch::On,
+        };
+        crease::sharp_corners(slices, &evidence, lattice.pitch_px, window_px, boxy)
     } else {
         let all = options.kind != SolidKind::Creased;
         let of_slice = |slice: &Slice| slice.sections.iter().map(|s| vec![all; s.len()]).collect();

@@ -44,6 +44,8 @@ pub struct SolidReport {
     pub ghosts: usize,
     /// Parts that were cut to the lines that bound them.
     pub parts: usize,
+    /// The share of the outlines' length that runs straight up or across.
+    pub straight_share: f64,
     /// Corners of slices that are sharp, and all.
     pub sharp_corners: usize,
     /// Corners of all slices.

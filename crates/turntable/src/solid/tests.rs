@@ -251,7 +251,7 @@ fn window(depth: f64, painted: bool, degrees: f64) -> View {
 #[test]
 fn a_hole_that_two_views_see_through_is_carved() {
     let views = [0.0, 30.0, 90.0].map(|degrees| window(12.0, false, degrees));
-    let solid = built_from(views.to_vec(), &SolidOptions { boxy: true, ..geometric() });
+    let solid = built_from(views.to_vec(), &SolidOptions { boxy: Switch::On, ..geometric() });
     assert!(!solid.report.holes.is_empty());
     let expected = (100.0 * 80.0 - 60.0 * 44.0) * 12.0;
     // Lines are drawn inside the edges: all bars are thinner.
@@ -261,7 +261,7 @@ fn a_hole_that_two_views_see_through_is_carved() {
 #[test]
 fn a_painted_window_is_no_hole() {
     let views = [0.0, 30.0, 90.0].map(|degrees| window(60.0, true, degrees));
-    let solid = built_from(views.to_vec(), &SolidOptions { boxy: true, ..geometric() });
+    let solid = built_from(views.to_vec(), &SolidOptions { boxy: Switch::On, ..geometric() });
     assert_eq!(solid.report.holes, []);
     assert_near(solid.mesh.signed_volume(), 100.0 * 80.0 * 60.0, 0.05);
 }
@@ -274,7 +274,7 @@ fn an_arm_before_a_body_is_as_deep_as_its_lines() {
     ];
     let views = || vec![draw_lines(&scene, 0.0), draw_lines(&scene, 90.0)];
     let extent = |parts| {
-        let options = SolidOptions { parts, boxy: true, ..geometric() };
+        let options = SolidOptions { parts, boxy: Switch::On, ..geometric() };
         let solid = built_from(views(), &options);
         let arm = solid.mesh.positions.iter().filter(|p| p.x > 25.0).map(|p| p.y);
         (solid.report.parts, arm.fold((f64::MAX, f64::MIN), |(l, h), y| (l.min(y), h.max(y))))
@@ -316,7 +316,7 @@ fn depth_map(part: &Part, degrees: f64, shift_px: f64) -> (f64, DepthMap) {
 fn a_depth_map_that_others_contradict_carves_little() {
     let block = box_at(0.0, 0.0, (50.0, 40.0), 0.0, (-40.0, 40.0));
     let views = [0.0, 20.0, 40.0, 60.0, 90.0];
-    let options = SolidOptions { boxy: true, ..geometric() };
+    let options = SolidOptions { boxy: Switch::On, ..geometric() };
     let volume = |shifted: f64| {
         let shift = |degrees: f64| if degrees == 20.0 { shifted } else { 0.0 };
         let maps: Vec<_> = views.iter().map(|&a| depth_map(&block, a, shift(a))).collect();
@@ -347,7 +347,7 @@ fn depth_maps_carve_what_outlines_cannot_show() {
         }])
     });
     let map = (0.0, as_sure_as_lines(depth));
-    let options = SolidOptions { boxy: true, ..geometric() };
+    let options = SolidOptions { boxy: Switch::On, ..geometric() };
     let views = [0.0, 90.0];
     let whole = build_with(&block, &views, &[], &options).unwrap().mesh.signed_volume();
     let carved = build_with(&block, &views, &[map], &options).unwrap();
