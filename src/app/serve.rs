@@ -1,19 +1,21 @@
 //! Wires stores, workers and the HTTP interface into running services.
 
 use std::future::Future;
+use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
 use std::thread::available_parallelism;
 use std::time::Duration;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use tokio::net::TcpListener;
 use tokio::runtime::{Handle, Runtime};
 use tokio::signal::unix::{SignalKind, signal};
 use tokio_util::sync::CancellationToken;
 
-use super::config::{Config, HttpConfig, LimitConfig, WorkersConfig};
+use super::config::{Config, HttpConfig};
+use super::descriptors;
 use super::failure::Failure;
-use crate::http::{self, ApiState, HttpLimits, ServerTimeouts};
+use crate::http::{self, ApiState, Guard, HttpLimits, ServerTimeouts};
 use crate::worker::jobs::{Draw, Reconstruct};
 use crate::worker::{Pool, Work, WorkerConfig};
 use jobs::bytes::ByteStore;
@@ -37,16 +39,21 @@ fn run<F: Future<Output = Result<()>>>(service: impl FnOnce(Handle) -> F) -> Res
 
 async fn serve_until_signal(config: &Config, runtime: Handle) -> Result<()> {
     let stores = Stores::open(config).await?;
-    let shutdown = CancellationToken::new();
+    let (draining, shutdown) = (CancellationToken::new(), CancellationToken::new());
     let state = ApiState {
         store: stores.jobs.clone(),
         bytes: stores.bytes.clone(),
         metrics: http::prometheus().context("recording metrics")?,
         max_attempts: config.workers.max_attempts,
-        cors_origins: config.http.cors_origin.clone(),
+        guard: guard(&config.http),
+        draining: draining.clone(),
         shutdown: shutdown.clone(),
     };
-    let router = http::router(state, &http_limits(&config.limits));
+    let connections = match (config.http.max_connections, descriptors::raise_limit()) {
+        (0, files) => descriptors::connections(files),
+        (set, _) => set,
+    };
+    let router = http::router(state, &http_limits(config, connections));
     let listen = config.http.listen;
     let listener =
         TcpListener::bind(listen).await.with_context(|| format!("listening on {listen}"))?;
@@ -54,9 +61,11 @@ async fn serve_until_signal(config: &Config, runtime: Handle) -> Result<()> {
     println!("listening on http://{}", listener.local_addr()?);
     let timeouts = server_timeouts(&config.http);
     let stopped = shutdown.clone();
-    let server =
-        tokio::spawn(async move { http::serve(listener, router, &timeouts, stopped).await });
+    let server = tokio::spawn(async move {
+        http::serve(listener, router, &timeouts, connections, stopped).await
+    });
     stop_signal().await?;
+    draining.cancel();
     // Status requests are answered until running jobs have come to rest.
     pool.shutdown(Duration::from_secs(config.workers.shutdown_grace)).await;
     shutdown.cancel();
@@ -93,10 +102,16 @@ impl Stores {
         let within = || format!("in the data folder {}", folder.display());
         let bytes_folder = folder.join("bytes");
         std::fs::create_dir_all(&bytes_folder).with_context(within)?;
-        let jobs = SqliteStore::open(&folder.join("jobs.sqlite"), Arc::new(SystemClock))
-            .await
-            .with_context(within)?;
         let bytes = ByteStore::local(&bytes_folder).with_context(within)?;
+        let database = folder.join("jobs.sqlite");
+        let is_new = !database.try_exists().with_context(within)?;
+        ensure!(
+            !is_new || config.storage.adopt_bytes || bytes.jobs().await?.is_empty(),
+            "{} has bytes of jobs, but no database; put its latest copy back, or start with --adopt-bytes to begin a new one beside them",
+            folder.display()
+        );
+        let jobs =
+            SqliteStore::open(&database, Arc::new(SystemClock)).await.with_context(within)?;
         Ok(Self { jobs: Arc::new(jobs), bytes })
     }
 
@@ -106,12 +121,12 @@ impl Stores {
             Arc::new(Draw { model: config.limits.model(), ..Draw::default() }),
         ];
         let jobs = Arc::clone(&self.jobs);
-        Pool::start(worker_config(&config.workers), jobs, self.bytes.clone(), works, runtime)
+        Pool::start(worker_config(config), jobs, self.bytes.clone(), works, runtime)
             .context("starting the workers")
     }
 }
 
-fn worker_config(config: &WorkersConfig) -> WorkerConfig {
+fn worker_config(Config { workers: config, storage, .. }: &Config) -> WorkerConfig {
     let processors = available_parallelism().map_or(1, usize::from);
     let threads_per_job = match config.threads_per_job {
         0 => (processors / config.workers.max(1)).max(1),
@@ -122,12 +137,41 @@ fn worker_config(config: &WorkersConfig) -> WorkerConfig {
         threads_per_job,
         lease: Duration::from_secs(config.lease),
         heartbeat: Duration::from_secs(config.heartbeat),
+        max_job_time: Duration::from_secs(config.max_job_seconds),
+        collect_unknown_after: storage
+            .collect_unknown_after
+            .map(|hours| Duration::from_secs(hours.saturating_mul(3600))),
         ..WorkerConfig::default()
     }
 }
 
-fn http_limits(config: &LimitConfig) -> HttpLimits {
+/// Which requests are meant for the service: listening on the loopback, those
+/// that call it by the loopback's names.
+fn guard(config: &HttpConfig) -> Guard {
+    let mut allowed_hosts = config.allowed_host.clone();
+    if allowed_hosts.is_empty() && config.listen.ip().is_loopback() {
+        allowed_hosts = ["localhost", "127.0.0.1", "[::1]"].map(str::to_owned).to_vec();
+        let own = without_port(config.listen);
+        allowed_hosts.extend((!allowed_hosts.contains(&own)).then_some(own));
+    }
+    Guard { allowed_hosts, origins: config.cors_origin.clone() }
+}
+
+fn without_port(address: SocketAddr) -> String {
+    match address.ip() {
+        IpAddr::V4(ip) => ip.to_string(),
+        IpAddr::V6(ip) => format!("[{ip}]"),
+    }
+}
+
+fn http_limits(
+    Config { limits: config, http, storage, .. }: &Config,
+    connections: usize,
+) -> HttpLimits {
     HttpLimits {
+        min_free_bytes: storage.min_free_mib << 20,
+        // Others than streams must find a connection.
+        max_streams: http.max_streams.min(connections / 2),
         image: config.image(),
         model: config.model(),
         max_body_bytes: config.max_body_mib << 20,
@@ -140,6 +184,7 @@ fn server_timeouts(config: &HttpConfig) -> ServerTimeouts {
     ServerTimeouts {
         header_read: Duration::from_secs(config.header_timeout),
         body_idle: Duration::from_secs(config.body_idle_timeout),
+        write: Duration::from_secs(config.write_timeout),
         ..ServerTimeouts::default()
     }
 }

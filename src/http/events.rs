@@ -9,6 +9,7 @@ use axum::response::sse::{Event as ServerSentEvent, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
 use futures::Stream;
 use serde_json::{Value, json};
+use tokio::sync::OwnedSemaphorePermit;
 use tokio::time::Instant;
 
 use super::Api;
@@ -31,16 +32,21 @@ pub(super) async fn stream<R: Resource>(
     if job.state.is_final() && last >= job.version {
         return Ok(StatusCode::NO_CONTENT.into_response());
     }
+    let Ok(slot) = Arc::clone(&api.streams).try_acquire_owned() else {
+        return Err(Problem::busy("too many event streams are open; poll, or try again later"));
+    };
     let keep_alive = KeepAlive::new().interval(KEEP_ALIVE).text("still here");
-    Ok(Sse::new(follow(api, id, last)).keep_alive(keep_alive).into_response())
+    Ok(Sse::new(follow(api, id, last, slot)).keep_alive(keep_alive).into_response())
 }
 
 fn follow(
     api: Arc<Api>,
     id: JobId,
     mut last: u64,
+    slot: OwnedSemaphorePermit,
 ) -> impl Stream<Item = Result<ServerSentEvent, Infallible>> {
     async_stream::stream! {
+        let _slot = slot;
         let mut watch = Watch::new(&api, id);
         loop {
             match api.state.store.events(id, last).await {

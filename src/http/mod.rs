@@ -5,8 +5,10 @@
 //! a time, so that status requests stay quick.
 
 mod artifacts;
+mod bare;
 mod conditional;
 mod events;
+mod guard;
 mod health;
 mod layers;
 mod limits;
@@ -26,6 +28,7 @@ mod telemetry;
 mod upload;
 mod wait;
 
+pub use guard::Guard;
 pub use limits::{HttpLimits, ServerTimeouts};
 pub use openapi::openapi;
 pub use problem::{Problem, ProblemDocument, ProblemType};

@@ -35,9 +35,10 @@ problem_responses! {
         DUPLICATE_AZIMUTH, INVALID_ANGLE, DIFFERING_SIZES, EMPTY_FILE, NO_FIGURE,
         WRONG_NUMBER_OF_FIGURES, NOT_AN_IMAGE, DAMAGED_IMAGE,
         INVALID_SHEET, INVALID_TRUTH, UNKNOWN_OPTION, INVALID_OPTION, UNKNOWN_SOURCE, REQUEST_TIMEOUT,
-        BUSY, UNAVAILABLE
+        BUSY, UNAVAILABLE, INSUFFICIENT_STORAGE
 }
 problem_responses! { JobProblems: UNKNOWN_RECONSTRUCTION, UNAVAILABLE }
+problem_responses! { StreamProblems: UNKNOWN_RECONSTRUCTION, BUSY, UNAVAILABLE }
 problem_responses! { ListProblems: INVALID_QUERY, UNAVAILABLE }
 problem_responses! { CancelProblems: UNKNOWN_RECONSTRUCTION, ALREADY_FINISHED, UNAVAILABLE }
 problem_responses! { DeleteProblems: UNKNOWN_RECONSTRUCTION, STILL_RUNNING, UNAVAILABLE }
@@ -144,7 +145,7 @@ pub(super) async fn get(
         (status = 200, description = "Events, until the final one", body = String,
          content_type = "text/event-stream"),
         (status = 204, description = "The final event was received already"),
-        JobProblems,
+        StreamProblems,
     )
 )]
 pub(super) async fn events(

@@ -6,6 +6,7 @@ use std::time::Duration;
 use axum::Router;
 use axum::extract::DefaultBodyLimit;
 use axum::http::{Method, StatusCode, Uri};
+use axum::middleware::from_fn_with_state;
 use tower_http::compression::CompressionLayer;
 use tower_http::timeout::TimeoutLayer;
 use utoipa::OpenApi;
@@ -17,11 +18,12 @@ use super::layers;
 use super::openapi::Description;
 use super::problem::{METHOD_NOT_ALLOWED, NOT_FOUND, Problem};
 use super::state::{Api, ApiState};
-use super::{HttpLimits, health, pages, reconstructions, sheets};
+use super::{HttpLimits, guard, health, pages, reconstructions, sheets};
 
 /// The whole interface over `state`.
 pub fn router(state: ApiState, limits: &HttpLimits) -> Router {
-    let cors = layers::cors(&state.cors_origins);
+    let cors = layers::cors(&state.guard.origins);
+    let guard = from_fn_with_state(Arc::new(state.guard.clone()), guard::check);
     let within =
         |time: Duration| TimeoutLayer::with_status_code(StatusCode::SERVICE_UNAVAILABLE, time);
     let answer = limits.answer_timeout;
@@ -41,7 +43,8 @@ pub fn router(state: ApiState, limits: &HttpLimits) -> Router {
         .fallback(nothing_here)
         .method_not_allowed_fallback(wrong_method)
         // Uploads have limits of their own; nothing else has a body.
-        .layer(DefaultBodyLimit::max(64 << 10));
+        .layer(DefaultBodyLimit::max(64 << 10))
+        .layer(guard);
     layers::wrap(router, cors).with_state(Api::new(state, *limits))
 }
 

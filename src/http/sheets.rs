@@ -35,9 +35,10 @@ problem_responses! {
         DUPLICATE_PART, INVALID_ANGLE, EMPTY_FILE, UNKNOWN_MODEL, UNKNOWN_MODEL_FORMAT,
         INVALID_MODEL, UNSUPPORTED_MODEL, EXTERNAL_REFERENCE, CAMERA_INSIDE_MODEL,
         TOO_MANY_VIEWS, SHEET_TOO_LARGE, UNKNOWN_OPTION, INVALID_OPTION, REQUEST_TIMEOUT, BUSY,
-        UNAVAILABLE
+        UNAVAILABLE, INSUFFICIENT_STORAGE
 }
 problem_responses! { JobProblems: UNKNOWN_SHEET, UNAVAILABLE }
+problem_responses! { StreamProblems: UNKNOWN_SHEET, BUSY, UNAVAILABLE }
 problem_responses! { ListProblems: INVALID_QUERY, UNAVAILABLE }
 problem_responses! { CancelProblems: UNKNOWN_SHEET, ALREADY_FINISHED, UNAVAILABLE }
 problem_responses! { DeleteProblems: UNKNOWN_SHEET, STILL_RUNNING, UNAVAILABLE }
@@ -136,7 +137,7 @@ pub(super) async fn get(
         (status = 200, description = "Events, until the final one", body = String,
          content_type = "text/event-stream"),
         (status = 204, description = "The final event was received already"),
-        JobProblems,
+        StreamProblems,
     )
 )]
 pub(super) async fn events(

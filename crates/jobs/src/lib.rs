@@ -13,10 +13,10 @@ mod sqlite;
 mod store;
 mod types;
 
-pub use clock::{Clock, ManualClock, SystemClock};
+pub use clock::{Clock, ManualClock, SystemClock, Uptime};
 pub use sqlite::SqliteStore;
 pub use store::{JobStore, StoreError};
 pub use types::{
     ATTEMPTS_EXHAUSTED, ArtifactEntry, Claim, Event, EventKind, Failure, Heartbeat, Job, JobChange,
-    JobCounts, JobId, JobState, LEASE_EXPIRED, ListQuery, NewJob, Page,
+    JobCounts, JobId, JobState, LEASE_EXPIRED, ListQuery, NewJob, Page, UNREADABLE,
 };

@@ -37,6 +37,12 @@ pub enum StoreError {
         /// The claim's attempt, from 1.
         attempt: u32,
     },
+    /// The disk is full.
+    #[error("the disk of the job store is full")]
+    Full,
+    /// What is stored of a job makes no sense to this version.
+    #[error("job store: {0}")]
+    Unreadable(#[source] Box<dyn std::error::Error + Send + Sync>),
     /// The database failed.
     #[error("job store: {0}")]
     Backend(#[source] Box<dyn std::error::Error + Send + Sync>),
@@ -45,7 +51,7 @@ pub enum StoreError {
 /// A durable queue of jobs. Every method is one transaction; when it returns,
 /// its effect survives a crash of process and machine.
 ///
-/// `tests/job_store.rs` is the suite that every implementation passes.
+/// `tests/it/suite.rs` is the suite that every implementation passes.
 #[async_trait]
 pub trait JobStore: Send + Sync {
     /// Adds a job in state queued.
@@ -107,6 +113,16 @@ pub trait JobStore: Send + Sync {
         pause: Duration,
     ) -> Result<JobState, StoreError>;
 
+    /// Puts the job back because of trouble that is not its own, such as a full
+    /// disk. The attempt is not counted; the pause before the next one grows
+    /// from a second to a minute. After an hour of it the job fails with `failure`.
+    async fn postpone(
+        &self,
+        id: JobId,
+        attempt: u32,
+        failure: Failure,
+    ) -> Result<JobState, StoreError>;
+
     /// Puts the job back because its worker stops; the attempt is not counted.
     /// The next claim gets a new attempt number all the same.
     async fn release(&self, id: JobId, attempt: u32) -> Result<JobState, StoreError>;
@@ -128,6 +144,17 @@ pub trait JobStore: Send + Sync {
     /// # Errors
     /// [`StoreError::Running`] while it runs.
     async fn delete(&self, id: JobId) -> Result<(), StoreError>;
+
+    /// Says that bytes will be stored for a job that is enqueued later, so that
+    /// they can be told from those of other databases if it never is.
+    async fn expect_bytes(&self, id: JobId) -> Result<(), StoreError>;
+
+    /// Whether the job was expected or deleted at least `for_at_least` ago and
+    /// has not been enqueued since: its bytes may go.
+    async fn is_ownerless(&self, id: JobId, for_at_least: Duration) -> Result<bool, StoreError>;
+
+    /// The bytes of a job without a row are deleted.
+    async fn forget_bytes(&self, id: JobId) -> Result<(), StoreError>;
 
     /// Every job's name, for collecting bytes that belong to none.
     async fn ids(&self) -> Result<Vec<JobId>, StoreError>;

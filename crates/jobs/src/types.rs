@@ -126,6 +126,9 @@ pub const LEASE_EXPIRED: &str = "lease_expired";
 /// The failure code of a job whose every attempt broke off.
 pub const ATTEMPTS_EXHAUSTED: &str = "attempts_exhausted";
 
+/// The failure code of a job whose stored row can't be read.
+pub const UNREADABLE: &str = "unreadable";
+
 /// Why a job failed.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Failure {

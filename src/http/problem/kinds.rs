@@ -135,6 +135,15 @@ problem_types! {
     SHEET_TOO_LARGE = UNPROCESSABLE_ENTITY "sheet-too-large",
         "The sheet that is asked for is too large",
         "Ask for fewer views, smaller ones, or less supersampling.";
+    HEADER_TOO_LARGE = REQUEST_HEADER_FIELDS_TOO_LARGE "header-too-large",
+        "The request's header is too long",
+        "Send fewer or shorter header fields.";
+    MISDIRECTED_REQUEST = MISDIRECTED_REQUEST "misdirected-request",
+        "The service is not called by this name",
+        "The Host header names another service. Call this one by its own name; who runs it allows names with --allowed-host.";
+    FOREIGN_ORIGIN = FORBIDDEN "foreign-origin",
+        "A page of another origin may change nothing",
+        "A browser sent this for a web page that is not of this service. Send a key with it, or have the page's origin allowed with --cors-origin.";
     INVALID_QUERY = BAD_REQUEST "invalid-query",
         "A query parameter is not valid",
         "A parameter is unknown or its value cannot be read. The API description lists what each operation takes.";
@@ -174,6 +183,9 @@ problem_types! {
     UNAVAILABLE = SERVICE_UNAVAILABLE "unavailable",
         "The service cannot answer now",
         "Its database or store cannot be reached, or it is shutting down. Try again after the time in Retry-After.";
+    INSUFFICIENT_STORAGE = INSUFFICIENT_STORAGE "insufficient-storage",
+        "There is no room left",
+        "The service's disk is full but for what it needs to go on. Deleting jobs makes room, and is always possible.";
     INTERNAL = INTERNAL_SERVER_ERROR "internal",
         "Something went wrong inside the service",
         "This is a fault of the service. Its log has the cause under the id in the X-Request-Id header.";
@@ -197,6 +209,7 @@ impl ProblemType {
             StatusCode::UNSUPPORTED_MEDIA_TYPE => UNSUPPORTED_MEDIA_TYPE,
             StatusCode::REQUEST_TIMEOUT => REQUEST_TIMEOUT,
             StatusCode::SERVICE_UNAVAILABLE => BUSY,
+            StatusCode::INSUFFICIENT_STORAGE => INSUFFICIENT_STORAGE,
             status if status.is_server_error() => INTERNAL,
             _ => BAD_REQUEST,
         }

@@ -75,7 +75,7 @@ pub(super) fn assemble(mut parts: Parts, limits: &HttpLimits) -> Result<Assemble
 
 fn assemble_views(parts: &mut Parts, limits: &HttpLimits) -> Result<Assembled, Problem> {
     let options = parse_options(parts, None)?;
-    let fields = TruthFields::parse(parts.truth.take())?;
+    let fields = TruthFields::parse(parts.truth.as_ref())?;
     let model = parts.truth_model.take().map(ModelFile::new).transpose()?;
     let mut masks: BTreeMap<Azimuth, FilePart> = parts.masks.drain(..).collect();
     let mut truths: BTreeMap<Azimuth, FilePart> = parts.truths.drain(..).collect();
@@ -89,7 +89,7 @@ fn assemble_views(parts: &mut Parts, limits: &HttpLimits) -> Result<Assembled, P
             ..ViewDocument::default()
         })
         .collect();
-    let matches = matches::parse(std::mem::take(&mut parts.matches))?;
+    let matches = matches::parse(&parts.matches)?;
     let mut document = SheetDocument { views, matches, ..SheetDocument::default() };
     fields.describe(&mut document, model.as_ref());
     let placed = check(&document, options.method, limits, None)?;
@@ -112,8 +112,9 @@ fn assemble_views(parts: &mut Parts, limits: &HttpLimits) -> Result<Assembled, P
 
 /// Truth that the document names and the upload does not bring is left out.
 fn assemble_sheet(mut parts: Parts, limits: &HttpLimits) -> Result<Assembled, Problem> {
-    let mut document = parse_sheet(parts.sheet.take().unwrap_or_default())?;
-    let given = matches::parse(std::mem::take(&mut parts.matches))?;
+    let sheet = parts.sheet.take().map(|sheet| sheet.parse::<SheetDocument>(INVALID_SHEET));
+    let mut document = sheet.transpose()?.unwrap_or_default();
+    let given = matches::parse(&parts.matches)?;
     matches::lay_over(&mut document.matches, given);
     let options = parse_options(&mut parts, document.options.take())?;
     let placed = check(&document, options.method, limits, Some("sheet"))?;
@@ -185,13 +186,6 @@ fn sheet_problem(error: &SheetProblem) -> Problem {
         | SheetProblem::TooLong { .. } => INVALID_SHEET,
     };
     Problem::new(kind, error.to_string())
-}
-
-fn parse_sheet(value: Value) -> Result<SheetDocument, Problem> {
-    serde_path_to_error::deserialize(value).map_err(|error| {
-        let detail = format!("in the sheet document, at `{}`: {}", error.path(), error.inner());
-        Problem::new(INVALID_SHEET, detail).part("sheet")
-    })
 }
 
 /// Reads all options given, lying over `base`.

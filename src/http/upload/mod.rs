@@ -5,6 +5,7 @@
 //! end. Only then is anything stored: first the inputs, then the job that needs them.
 
 mod assemble;
+mod document;
 mod files;
 mod intake;
 mod matches;
@@ -26,7 +27,7 @@ use std::future::Future;
 use axum::extract::Request;
 use axum::http::{HeaderMap, HeaderValue, header};
 use bytes::Bytes;
-use futures::{StreamExt, stream};
+use futures::{StreamExt, TryStreamExt, stream};
 use multer::{Field, Multipart};
 use serde::Serialize;
 use serde_json::Value;
@@ -64,8 +65,12 @@ pub(super) struct Upload {
 /// Where a job's inputs come from.
 enum Inputs {
     Uploaded(Vec<(String, Bytes)>),
-    /// The inputs of an earlier job, by name.
-    Copied(JobId, Vec<String>),
+    /// The inputs of an earlier job, by name, and those that are not its own.
+    Copied {
+        source: JobId,
+        names: Vec<String>,
+        own: Vec<(String, Bytes)>,
+    },
 }
 
 impl Upload {
@@ -78,8 +83,11 @@ impl Upload {
 
 /// Receives an upload and enqueues its job. Job and inputs are durable on return.
 pub(super) async fn receive<F: Form>(api: &Api, request: Request) -> Result<Job, Problem> {
+    expect_room(api, request.headers())?;
     let receiving = async {
         let (form, hold) = read_form::<F>(api, request).await?;
+        // Parsed documents take more room than their bytes: a few at a time.
+        let _slot = api.checks.acquire().await;
         Ok((form.check(api).await?, hold))
     };
     let received = tokio::time::timeout(api.limits.upload_timeout, receiving).await;
@@ -90,6 +98,21 @@ pub(super) async fn receive<F: Form>(api: &Api, request: Request) -> Result<Job,
     })?;
     // Beyond the timeout: nobody is told that a job failed to come that did.
     enqueue(api, upload).await
+}
+
+/// Refuses uploads while the service stops and while its disk is about full:
+/// the rest is kept for what makes room and for jobs that run.
+fn expect_room(api: &Api, headers: &HeaderMap) -> Result<(), Problem> {
+    if api.state.draining.is_cancelled() {
+        return Err(Problem::stopping());
+    }
+    let length = headers.get(header::CONTENT_LENGTH).and_then(|value| value.to_str().ok());
+    let coming = length.and_then(|length| length.parse().ok()).unwrap_or(0);
+    let needed = api.limits.min_free_bytes.saturating_add(coming);
+    match api.state.bytes.free_bytes()? {
+        Some(free) if free < needed => Err(Problem::full()),
+        _ => Ok(()),
+    }
 }
 
 async fn read_form<F: Form>(
@@ -137,17 +160,22 @@ async fn enqueue(api: &Api, upload: Upload) -> Result<Job, Problem> {
     let id = JobId::new();
     let Upload { kind, payload, inputs } = upload;
     let stored = async {
+        api.state.store.expect_bytes(id).await?;
         store_inputs(api, id, inputs).await?;
         let max_attempts = api.state.max_attempts;
         let job = NewJob { id, kind: kind.to_owned(), payload, max_attempts };
         Ok(api.state.store.enqueue(job).await?)
     };
     let result = stored.await;
-    if result.is_err()
-        && let Err(error) = api.state.bytes.delete_job(id).await
-    {
-        // The collector of ownerless bytes finds them later.
-        tracing::warn!(%id, %error, "inputs of a refused job stay for now");
+    if result.is_err() {
+        // Otherwise the collector of ownerless bytes finds them later.
+        let forgotten = async {
+            api.state.bytes.delete_job(id).await.map_err(|error| error.to_string())?;
+            api.state.store.forget_bytes(id).await.map_err(|error| error.to_string())
+        };
+        if let Err(error) = forgotten.await {
+            tracing::warn!(%id, error, "inputs of a refused job stay for now");
+        }
     }
     result
 }
@@ -155,29 +183,33 @@ async fn enqueue(api: &Api, upload: Upload) -> Result<Job, Problem> {
 async fn store_inputs(api: &Api, job: JobId, inputs: Inputs) -> Result<(), Problem> {
     let bytes = &api.state.bytes;
     match inputs {
-        Inputs::Uploaded(inputs) => {
-            let writes: Vec<_> = inputs
-                .into_iter()
-                .map(|(name, content)| write_input(bytes.clone(), job, name, content))
-                .collect();
-            let mut writes = stream::iter(writes).buffer_unordered(CONCURRENT_WRITES);
-            while let Some(written) = writes.next().await {
-                written.map_err(|error| Problem::unavailable("byte store", &error))?;
-            }
-        }
-        Inputs::Copied(source, names) => {
+        Inputs::Uploaded(inputs) => write_inputs(bytes, job, inputs).await?,
+        Inputs::Copied { source, names, own } => {
+            write_inputs(bytes, job, own).await?;
             for name in &names {
                 let from = Key::Input { job: source, name };
                 bytes.copy(&from, &Key::Input { job, name }).await.map_err(
                     |error| match error {
                         ByteError::NotFound(_) => source::gone(source),
-                        other => Problem::unavailable("byte store", &other),
+                        other => other.into(),
                     },
                 )?;
             }
         }
     }
     Ok(())
+}
+
+async fn write_inputs(
+    bytes: &ByteStore,
+    job: JobId,
+    inputs: Vec<(String, Bytes)>,
+) -> Result<(), ByteError> {
+    let writes: Vec<_> = inputs
+        .into_iter()
+        .map(|(name, content)| write_input(bytes.clone(), job, name, content))
+        .collect();
+    stream::iter(writes).buffer_unordered(CONCURRENT_WRITES).try_collect().await
 }
 
 async fn write_input(

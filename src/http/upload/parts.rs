@@ -2,10 +2,11 @@
 
 use bytes::{Bytes, BytesMut};
 use multer::{Field, Multipart};
-use serde_json::Value;
 
 use super::assemble::assemble;
+use super::document::Document;
 use super::intake::multipart_problem;
+use super::matches;
 use super::option_parts::GivenOptions;
 use super::page::PageParts;
 use super::pictures::{check_start, image_problem};
@@ -42,12 +43,12 @@ pub(crate) struct Parts {
     /// The true model, under its file's name.
     pub truth_model: Option<FilePart>,
     /// How true values are to be read.
-    pub truth: Option<Value>,
+    pub truth: Option<Document>,
     /// Files that a sheet document places.
     pub files: Vec<FilePart>,
-    pub sheet: Option<Value>,
+    pub sheet: Option<Document>,
     /// Matches of pairs, in any form of upload.
-    pub matches: Vec<Value>,
+    pub matches: Vec<Document>,
     pub given: GivenOptions,
     pub page: PageParts,
     pub source: Option<String>,
@@ -118,7 +119,7 @@ impl Form for Parts {
             }
             Kind::TruthFields => {
                 expect_new(self.truth.is_none(), &name)?;
-                self.truth = Some(read_json(field, &name, limits).await?);
+                self.truth = Some(Document::read(field, &name, limits).await?);
             }
             Kind::Picture(file) => {
                 self.expect_new_file(&file, &name, limits)?;
@@ -135,10 +136,11 @@ impl Form for Parts {
             }
             Kind::Sheet => {
                 expect_new(self.sheet.is_none(), &name)?;
-                self.sheet = Some(read_json(field, &name, limits).await?);
+                self.sheet = Some(Document::read(field, &name, limits).await?);
             }
             Kind::Matches => {
-                self.matches.push(read_json(field, &name, limits).await?);
+                self.matches.push(Document::read(field, &name, limits).await?);
+                expect_budget(&self.matches, &name, limits.max_matches_bytes)?;
             }
             Kind::Options => self.given.read_document(field, &name, limits).await?,
             Kind::Page => {
@@ -165,22 +167,35 @@ impl Form for Parts {
             let page = std::mem::take(&mut self.page);
             self.views = page.views(&api.decoders, &api.limits).await?;
         }
+        let has_matches;
         let (document, source, inputs) = match self.source.take() {
             Some(source) => {
-                let (id, document) = source::rerun(api, &source, self).await?;
+                let (id, mut document) = source::rerun(api, &source, self).await?;
                 let names = source::input_names(&document);
-                (document, Some(id.0), Inputs::Copied(id, names))
+                let matches = matches::set_apart(&mut document)?;
+                has_matches = matches.is_some();
+                let own = matches.into_iter().collect();
+                (document, Some(id.0), Inputs::Copied { source: id, names, own })
             }
             None => {
-                let assembled = assemble(self, &api.limits)?;
+                let limits = api.limits;
+                let assembled = api.decoders.run(move || assemble(self, &limits)).await??;
                 let pictures = assembled.pictures();
                 let decoded = api.decoders.decode_all(&pictures, &api.limits.image).await?;
                 let truths = truths::check_all(&api.decoders, &assembled, &api.limits).await?;
-                let (document, inputs) = assembled.finish(&decoded, &truths, &api.limits)?;
+                let (mut document, mut inputs) =
+                    assembled.finish(&decoded, &truths, &api.limits)?;
+                let matches = matches::set_apart(&mut document)?;
+                has_matches = matches.is_some();
+                inputs.extend(matches);
                 (document, None, Inputs::Uploaded(inputs))
             }
         };
-        Upload::new(RECONSTRUCTION, &ReconstructionPayload { document, source }, inputs)
+        Upload::new(
+            RECONSTRUCTION,
+            &ReconstructionPayload { document, source, has_matches },
+            inputs,
+        )
     }
 }
 
@@ -246,6 +261,15 @@ impl Parts {
         let detail = format!("`{part}` does not go with `{form}`; use one form of upload");
         Err(Problem::new(CONFLICTING_PARTS, detail).part(part))
     }
+}
+
+/// Parts of which there may be many are held against one limit together.
+fn expect_budget(documents: &[Document], part: &str, limit: usize) -> Result<(), Problem> {
+    if documents.iter().map(Document::len).sum::<usize>() <= limit {
+        return Ok(());
+    }
+    let detail = format!("the parts `{part}` are over their limit of {limit} bytes together");
+    Err(Problem::new(PART_TOO_LARGE, detail).part(part))
 }
 
 fn too_many(part: &str, limits: &HttpLimits) -> Problem {
@@ -373,18 +397,6 @@ fn expect_bytes(bytes: &[u8], file: &str) -> Result<(), Problem> {
 
 fn model_bytes(limits: &HttpLimits) -> u64 {
     limits.model.max_bytes as u64
-}
-
-pub(super) async fn read_json(
-    field: Field<'_>,
-    part: &str,
-    limits: &HttpLimits,
-) -> Result<Value, Problem> {
-    let bytes = read_limited(field, part, limits.max_document_bytes).await?;
-    serde_json::from_slice(&bytes).map_err(|error| {
-        let detail = format!("`{part}` is not valid JSON: {error}");
-        Problem::new(INVALID_JSON, detail).part(part)
-    })
 }
 
 pub(super) async fn read_text(field: Field<'_>, part: &str) -> Result<String, Problem> {

@@ -14,7 +14,7 @@ use sha2::{Digest, Sha256};
 use tempfile::TempDir;
 use tokio::net::TcpListener;
 use tokio_util::sync::CancellationToken;
-use turnaround::http::{self, ApiState, HttpLimits, ServerTimeouts};
+use turnaround::http::{self, ApiState, Guard, HttpLimits, ServerTimeouts};
 
 pub(crate) const LEASE: Duration = Duration::from_secs(30);
 
@@ -23,6 +23,7 @@ pub(crate) struct Service {
     pub store: Arc<SqliteStore>,
     pub bytes: ByteStore,
     pub client: Client,
+    pub draining: CancellationToken,
     pub shutdown: CancellationToken,
     folder: TempDir,
 }
@@ -37,22 +38,25 @@ impl Service {
         let path = folder.path().join("jobs.sqlite");
         let store = Arc::new(SqliteStore::open(&path, Arc::new(SystemClock)).await.unwrap());
         let bytes = ByteStore::local(&folder.path().join("bytes")).unwrap();
-        let shutdown = CancellationToken::new();
+        let (draining, shutdown) = (CancellationToken::new(), CancellationToken::new());
         let state = ApiState {
             store: store.clone(),
             bytes: bytes.clone(),
             metrics: http::prometheus().unwrap(),
             max_attempts: 3,
-            cors_origins: vec!["https://studio.example".to_owned()],
+            guard: Guard { origins: vec!["https://studio.example".to_owned()], ..Guard::default() },
+            draining: draining.clone(),
             shutdown: shutdown.clone(),
         };
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let url = format!("http://{}", listener.local_addr().unwrap());
         let router = http::router(state, &limits);
         let stop = shutdown.clone();
-        tokio::spawn(async move { http::serve(listener, router, &timeouts, stop).await.unwrap() });
+        tokio::spawn(
+            async move { http::serve(listener, router, &timeouts, 1000, stop).await.unwrap() },
+        );
         let client = Client::builder().no_proxy().build().unwrap();
-        Self { url, store, bytes, client, shutdown, folder }
+        Self { url, store, bytes, client, draining, shutdown, folder }
     }
 
     pub(crate) fn get(&self, path: &str) -> RequestBuilder {

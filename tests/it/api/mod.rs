@@ -1,6 +1,7 @@
 //! The service from outside: what clients send and get, one file a matter.
 
 mod artifacts;
+mod faults;
 pub(crate) mod harness;
 mod matches;
 mod page_uploads;

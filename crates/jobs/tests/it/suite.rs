@@ -68,6 +68,7 @@ impl Subject {
             store.fail(id, attempt, broken()).await.map(drop),
             store.cancelled(id, attempt).await.map(drop),
             store.retry(id, attempt, broken(), Duration::ZERO).await.map(drop),
+            store.postpone(id, attempt, broken()).await.map(drop),
             store.release(id, attempt).await.map(drop),
         ]
     }
@@ -112,6 +113,9 @@ pub(crate) async fn run<F: AsyncFn() -> Subject>(fresh: F) {
     attempts_are_used_up_by_silent_workers(&fresh().await).await;
     attempts_are_used_up_by_breaking_ones(&fresh().await).await;
     a_broken_attempt_pauses_before_the_next(&fresh().await).await;
+    trouble_of_the_machine_uses_no_attempts_for_an_hour(&fresh().await).await;
+    a_clock_that_is_set_changes_nothing(&fresh().await).await;
+    what_ran_when_the_machine_stopped_runs_again_at_once(&fresh().await).await;
     a_released_attempt_is_given_back_but_not_its_number(&fresh().await).await;
     failing_is_final(&fresh().await).await;
     a_queued_job_is_cancelled_at_once(&fresh().await).await;
@@ -124,6 +128,7 @@ pub(crate) async fn run<F: AsyncFn() -> Subject>(fresh: F) {
     a_deleted_job_is_gone_with_its_events(&fresh().await).await;
     unknown_jobs_are_not_found(&fresh().await).await;
     names_are_taken_once(&fresh().await).await;
+    bytes_are_ownerless_before_a_job_and_after_it(&fresh().await).await;
     changes_are_announced(&fresh().await).await;
     writers_at_the_same_time_leave_no_gap(&fresh().await).await;
 }
@@ -288,6 +293,88 @@ async fn a_broken_attempt_pauses_before_the_next(subject: &Subject) {
     subject.clock.advance(Duration::from_millis(1));
     assert_eq!(subject.claim().await.unwrap().job.id, first);
     assert_eq!(subject.get(second).await.state, JobState::Running);
+}
+
+async fn trouble_of_the_machine_uses_no_attempts_for_an_hour(subject: &Subject) {
+    let id = subject.enqueue(1).await.id;
+    let mut pauses = Vec::new();
+    loop {
+        let mut seconds = 0;
+        let claim = loop {
+            match subject.claim().await {
+                Some(claim) => break claim,
+                None => subject.clock.advance(Duration::from_secs(1)),
+            }
+            seconds += 1;
+        };
+        pauses.push(seconds);
+        assert_eq!(claim.job.attempts_used, 1);
+        let state = subject.store.postpone(id, claim.attempt, broken()).await.unwrap();
+        if state == JobState::Failed {
+            break;
+        }
+        assert_eq!((state, subject.get(id).await.attempts_used), (JobState::Queued, 0));
+    }
+    assert_eq!(pauses[..9], [0, 1, 2, 4, 8, 16, 32, 60, 60]);
+    assert_eq!(pauses.iter().sum::<u64>(), 3603);
+    assert_eq!(subject.get(id).await.failure, Some(broken()));
+}
+
+async fn a_clock_that_is_set_changes_nothing(subject: &Subject) {
+    let start = subject.clock.now();
+    let years = |count: i64| start + jiff::SignedDuration::from_hours(24 * 365 * count);
+    let claim = subject.running(1).await;
+    for now in [start - jiff::SignedDuration::from_hours(1), years(10), start] {
+        subject.clock.set(now);
+        assert_eq!(subject.store.reap().await.unwrap(), 0);
+        // What is enqueued now is claimed now, the oldest first.
+        let (first, second) = (subject.enqueue(3).await.id, subject.enqueue(3).await.id);
+        assert_eq!(subject.claim().await.unwrap().job.id, first);
+        assert_eq!(subject.claim().await.unwrap().job.id, second);
+        for id in [first, second] {
+            let beat = subject.store.heartbeat(id, 1, LEASE).await.unwrap();
+            assert_eq!(beat, Heartbeat::Held { cancel_requested: false });
+            subject.store.succeed(id, 1, Vec::new(), None).await.unwrap();
+        }
+    }
+    // A lease given while the clock was wrong ends when its time has passed.
+    subject.clock.set(years(10));
+    subject.store.heartbeat(claim.job.id, 1, LEASE).await.unwrap();
+    subject.clock.set(start);
+    subject.clock.advance(LEASE);
+    assert_eq!(subject.store.reap().await.unwrap(), 1);
+}
+
+async fn what_ran_when_the_machine_stopped_runs_again_at_once(subject: &Subject) {
+    subject.clock.advance(Duration::from_secs(1000));
+    let id = subject.running(3).await.job.id;
+    let paused = subject.running(3).await.job.id;
+    let pause = Duration::from_secs(3000);
+    subject.store.retry(paused, 1, broken(), pause).await.unwrap();
+    subject.clock.reboot("second");
+    assert_eq!(subject.store.reap().await.unwrap(), 1);
+    assert_eq!(subject.claim().await.unwrap().job.id, id);
+    assert_eq!(subject.claim().await.unwrap().job.id, paused);
+}
+
+async fn bytes_are_ownerless_before_a_job_and_after_it(subject: &Subject) {
+    let (store, hour) = (&subject.store, Duration::from_secs(3600));
+    let id = JobId::new();
+    assert!(!store.is_ownerless(id, Duration::ZERO).await.unwrap());
+    store.expect_bytes(id).await.unwrap();
+    assert!(!store.is_ownerless(id, hour).await.unwrap());
+    // However wrong the time is that people read.
+    subject.clock.set(subject.clock.now() + jiff::SignedDuration::from_hours(100));
+    assert!(!store.is_ownerless(id, hour).await.unwrap());
+    subject.clock.advance(hour);
+    assert!(store.is_ownerless(id, hour).await.unwrap());
+    let job = NewJob { id, kind: "test".into(), payload: json!(null), max_attempts: 1 };
+    store.enqueue(job).await.unwrap();
+    assert!(!store.is_ownerless(id, Duration::ZERO).await.unwrap());
+    store.delete(id).await.unwrap();
+    assert!(store.is_ownerless(id, Duration::ZERO).await.unwrap());
+    store.forget_bytes(id).await.unwrap();
+    assert!(!store.is_ownerless(id, Duration::ZERO).await.unwrap());
 }
 
 async fn a_released_attempt_is_given_back_but_not_its_number(subject: &Subject) {
