@@ -110,7 +110,7 @@ impl Scene {
         let ids = (0..JOBS).map(|seed| {
             let id = JobId::new();
             let payload = json!({ "seed": seed });
-            let job = NewJob { id, kind: "noise".to_owned(), payload, max_attempts };
+            let job = NewJob::new(id, "noise", payload, max_attempts);
             runtime.block_on(store.enqueue(job)).unwrap();
             id
         });

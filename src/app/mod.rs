@@ -10,6 +10,8 @@ mod draw;
 mod evaluate;
 mod failure;
 mod inputs;
+mod keys;
+mod memory;
 mod page;
 mod progress_bar;
 mod reconstruct;

@@ -2,6 +2,7 @@
 
 use std::future::Future;
 use std::net::{IpAddr, SocketAddr};
+use std::path::Path;
 use std::sync::Arc;
 use std::thread::available_parallelism;
 use std::time::Duration;
@@ -12,14 +13,18 @@ use tokio::runtime::{Handle, Runtime};
 use tokio::signal::unix::{SignalKind, signal};
 use tokio_util::sync::CancellationToken;
 
-use super::config::{Config, HttpConfig};
-use super::descriptors;
+use super::config::{AccessConfig, Config, HttpConfig};
 use super::failure::Failure;
-use crate::http::{self, ApiState, Guard, HttpLimits, ServerTimeouts};
+use super::{descriptors, memory};
+use crate::draft::DraftLimits;
+use crate::http::{self, Access, ApiState, Guard, HttpLimits, KeyPolicy, ServerTimeouts};
 use crate::worker::jobs::{Draw, Reconstruct};
 use crate::worker::{Pool, Work, WorkerConfig};
 use jobs::bytes::ByteStore;
-use jobs::{JobStore, SqliteStore, SystemClock};
+use jobs::{
+    AccessStore, JobStore, KeyText, NewKey, Scope, SqliteStore, SystemClock, TenantLimits,
+    TenantName,
+};
 
 /// Runs the HTTP interface and the workers until SIGTERM or SIGINT.
 pub(super) fn serve(config: &Config) -> Result<(), Failure> {
@@ -45,6 +50,7 @@ async fn serve_until_signal(config: &Config, runtime: Handle) -> Result<()> {
         bytes: stores.bytes.clone(),
         metrics: http::prometheus().context("recording metrics")?,
         max_attempts: config.workers.max_attempts,
+        access: access(config, &stores).await?,
         guard: guard(&config.http),
         draining: draining.clone(),
         shutdown: shutdown.clone(),
@@ -93,6 +99,8 @@ async fn stop_signal() -> Result<()> {
 /// The embedded default: SQLite and a folder, both below the data folder.
 struct Stores {
     jobs: Arc<dyn JobStore>,
+    /// Of the same database.
+    access: Arc<dyn AccessStore>,
     bytes: ByteStore,
 }
 
@@ -112,12 +120,13 @@ impl Stores {
         );
         let jobs =
             SqliteStore::open(&database, Arc::new(SystemClock)).await.with_context(within)?;
-        Ok(Self { jobs: Arc::new(jobs), bytes })
+        let jobs = Arc::new(jobs);
+        Ok(Self { jobs: jobs.clone(), access: jobs, bytes })
     }
 
     fn start_workers(&self, config: &Config, runtime: &Handle) -> Result<Pool> {
         let works: Vec<Arc<dyn Work>> = vec![
-            Arc::new(Reconstruct { limits: config.limits.image() }),
+            Arc::new(Reconstruct { limits: draft_limits(config) }),
             Arc::new(Draw { model: config.limits.model(), ..Draw::default() }),
         ];
         let jobs = Arc::clone(&self.jobs);
@@ -145,6 +154,47 @@ fn worker_config(Config { workers: config, storage, .. }: &Config) -> WorkerConf
     }
 }
 
+/// Who may use the service. One that others can reach must have a key, unless
+/// it is told otherwise.
+async fn access(config: &Config, stores: &Stores) -> Result<Access> {
+    let AccessConfig { requests_per_second, max_queued, max_tenant_streams, .. } = config.access;
+    let store = Arc::clone(&stores.access);
+    if let Some(path) = &config.access.first_key_file {
+        first_key(store.as_ref(), path).await?;
+    }
+    let policy = match (config.access.insecure_no_auth, config.http.listen.ip().is_loopback()) {
+        (true, _) => KeyPolicy::Off,
+        (false, true) => KeyPolicy::OnceThereAreKeys,
+        (false, false) => KeyPolicy::Required,
+    };
+    ensure!(
+        policy != KeyPolicy::Required || store.has_keys().await?,
+        "others can reach {}, and there is no key; make one with `turnaround keys create`, give one with --first-key-file, or let everybody in with --insecure-no-auth",
+        config.http.listen
+    );
+    let defaults = TenantLimits {
+        requests_per_second,
+        max_queued,
+        max_running: None,
+        max_streams: max_tenant_streams,
+    };
+    let (open_metrics, docs) = (config.access.open_metrics, !config.access.no_docs);
+    Ok(Access { store, policy, defaults, open_metrics, docs })
+}
+
+/// Stores the key in `path` unless it is there.
+async fn first_key(store: &dyn AccessStore, path: &Path) -> Result<()> {
+    let within = || format!("reading the first key from {}", path.display());
+    let text = std::fs::read_to_string(path).with_context(within)?;
+    let text: KeyText = text.trim().parse().with_context(within)?;
+    if store.keys().await?.iter().any(|key| key.id == text.id()) {
+        return Ok(());
+    }
+    let (tenant, label) = (TenantName::default(), "first".to_owned());
+    store.add_key(&NewKey { tenant, label, scope: Scope::Admin }, &text).await?;
+    Ok(())
+}
+
 /// Which requests are meant for the service: listening on the loopback, those
 /// that call it by the loopback's names.
 fn guard(config: &HttpConfig) -> Guard {
@@ -164,14 +214,23 @@ fn without_port(address: SocketAddr) -> String {
     }
 }
 
-fn http_limits(
-    Config { limits: config, http, storage, .. }: &Config,
-    connections: usize,
-) -> HttpLimits {
+/// What one reconstruction may cost: what the machine has for each worker.
+fn draft_limits(config: &Config) -> DraftLimits {
+    let max_working_bytes = match config.limits.max_job_mib {
+        0 => memory::of_a_job(config.workers.workers),
+        mib => mib << 20,
+    };
+    DraftLimits { image: config.limits.image(), max_working_bytes }
+}
+
+fn http_limits(whole: &Config, connections: usize) -> HttpLimits {
+    let Config { limits: config, http, storage, .. } = whole;
     HttpLimits {
         min_free_bytes: storage.min_free_mib << 20,
         // Others than streams must find a connection.
         max_streams: http.max_streams.min(connections / 2),
+        draft: draft_limits(whole),
+        threads_per_job: worker_config(whole).threads_per_job,
         image: config.image(),
         model: config.model(),
         max_body_bytes: config.max_body_mib << 20,

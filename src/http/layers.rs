@@ -14,6 +14,7 @@ use tower_http::trace::TraceLayer;
 use tracing::Span;
 
 use super::conditional::{PREFER, PREFERENCE_APPLIED};
+use super::upload::IDEMPOTENCY_KEY;
 use super::{guard, problem, telemetry};
 
 const X_REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
@@ -87,6 +88,10 @@ pub(super) fn cors(origins: &[String]) -> Option<CorsLayer> {
         header::CONTENT_DISPOSITION,
         PREFERENCE_APPLIED,
         X_REQUEST_ID,
+        header::WWW_AUTHENTICATE,
+        HeaderName::from_static("ratelimit-limit"),
+        HeaderName::from_static("ratelimit-remaining"),
+        HeaderName::from_static("ratelimit-reset"),
     ];
     let accepted = [
         header::CONTENT_TYPE,
@@ -96,10 +101,19 @@ pub(super) fn cors(origins: &[String]) -> Option<CorsLayer> {
         header::RANGE,
         PREFER,
         HeaderName::from_static("last-event-id"),
+        header::AUTHORIZATION,
+        IDEMPOTENCY_KEY,
     ];
     let layer = CorsLayer::new()
         .allow_origin(allowed)
-        .allow_methods([Method::GET, Method::HEAD, Method::POST, Method::DELETE])
+        .allow_methods([
+            Method::GET,
+            Method::HEAD,
+            Method::POST,
+            Method::PUT,
+            Method::PATCH,
+            Method::DELETE,
+        ])
         .allow_headers(AllowHeaders::list(accepted))
         .expose_headers(ExposeHeaders::list(exposed));
     Some(layer)

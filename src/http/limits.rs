@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use crate::draft::DraftLimits;
 use drawing::SheetLimits;
 use mesh::read;
 use picture::ImageLimits;
@@ -9,6 +10,10 @@ use picture::ImageLimits;
 /// What one client may ask of the service.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HttpLimits {
+    /// A reconstruction as a whole: one that could not run is refused.
+    pub draft: DraftLimits,
+    /// Threads that a job computes with.
+    pub threads_per_job: usize,
     /// Each drawing, mask and picture of true values.
     pub image: ImageLimits,
     /// A true model, or one to draw.
@@ -40,6 +45,8 @@ pub struct HttpLimits {
 impl Default for HttpLimits {
     fn default() -> Self {
         Self {
+            draft: DraftLimits::default(),
+            threads_per_job: 1,
             image: ImageLimits::default(),
             model: read::Limits {
                 max_bytes: 64 << 20,

@@ -4,6 +4,7 @@
 //! heavy work (decoding an upload's pictures) runs on blocking threads, a few at
 //! a time, so that status requests stay quick.
 
+mod access;
 mod artifacts;
 mod bare;
 mod conditional;
@@ -24,10 +25,13 @@ mod server;
 mod sheet_representation;
 mod sheets;
 mod state;
+mod streams;
+mod tags;
 mod telemetry;
 mod upload;
 mod wait;
 
+pub use access::{Access, KeyPolicy};
 pub use guard::Guard;
 pub use limits::{HttpLimits, ServerTimeouts};
 pub use openapi::openapi;

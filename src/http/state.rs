@@ -6,8 +6,9 @@ use metrics_exporter_prometheus::PrometheusHandle;
 use tokio::sync::Semaphore;
 use tokio_util::sync::CancellationToken;
 
+use super::streams::Streams;
 use super::upload::{Budget, Decoders};
-use super::{Guard, HttpLimits};
+use super::{Access, Guard, HttpLimits};
 use jobs::JobStore;
 use jobs::bytes::ByteStore;
 
@@ -22,6 +23,8 @@ pub struct ApiState {
     pub metrics: PrometheusHandle,
     /// How often each job may be tried.
     pub max_attempts: u32,
+    /// Who may use the service.
+    pub access: Access,
     /// Which requests are meant for the service.
     pub guard: Guard,
     /// Uploads are refused and readiness denied: the service is about to stop.
@@ -38,8 +41,7 @@ pub(super) struct Api {
     pub decoders: Decoders,
     /// Uploads whose parts are being held against each other.
     pub checks: Semaphore,
-    /// Event streams that are open.
-    pub streams: Arc<Semaphore>,
+    pub streams: Streams,
 }
 
 impl Api {
@@ -48,7 +50,7 @@ impl Api {
         let budget = Budget::new(limits.max_upload_memory_bytes.max(limits.max_body_bytes));
         let decoders = Decoders::new(limits.concurrent_decodes);
         let checks = Semaphore::new(2 * limits.concurrent_decodes.max(1));
-        let streams = Arc::new(Semaphore::new(limits.max_streams));
+        let streams = Streams::new(limits.max_streams);
         Arc::new(Self { state, limits, budget, decoders, checks, streams })
     }
 }

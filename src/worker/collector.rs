@@ -45,6 +45,9 @@ pub(super) async fn keep(config: WorkerConfig, store: Arc<dyn JobStore>, bytes: 
             Ok(jobs) => tracing::warn!(jobs, "leases had ended"),
             Err(error) => tracing::error!(%error, "could not look for ended leases"),
         }
+        if let Err(error) = expire(store.as_ref(), &bytes).await {
+            tracing::error!(%error, "could not delete jobs whose time is over");
+        }
         if Instant::now() >= collect_at {
             collect_at = Instant::now() + config.collect_interval;
             match collect(store.as_ref(), &bytes, &config).await {
@@ -63,6 +66,15 @@ pub(super) async fn keep(config: WorkerConfig, store: Arc<dyn JobStore>, bytes: 
             }
         }
     }
+}
+
+/// Deletes jobs whose time is over, with their bytes.
+async fn expire(store: &dyn JobStore, bytes: &ByteStore) -> Result<(), CollectError> {
+    for id in store.expire().await? {
+        tracing::info!(target: "audit", job = %id, "its time was over");
+        bytes.delete_job(id).await?;
+    }
+    Ok(())
 }
 
 /// Deletes the bytes of attempts that are over without being published, of jobs

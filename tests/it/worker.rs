@@ -107,7 +107,7 @@ impl World {
 }
 
 fn new_job(id: JobId, max_attempts: u32) -> NewJob {
-    NewJob { id, kind: "test".to_owned(), payload: Value::Null, max_attempts }
+    NewJob::new(id, "test", Value::Null, max_attempts)
 }
 
 fn config() -> WorkerConfig {

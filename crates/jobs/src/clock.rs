@@ -44,8 +44,11 @@ impl Uptime {
 pub struct SystemClock;
 
 impl Clock for SystemClock {
+    /// Cut to milliseconds, as it is stored: what is told of a job at once is
+    /// what is told of it later.
     fn now(&self) -> Timestamp {
-        Timestamp::now()
+        let now = Timestamp::now();
+        Timestamp::from_millisecond(now.as_millisecond()).unwrap_or(now)
     }
 
     fn uptime(&self) -> Uptime {

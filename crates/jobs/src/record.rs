@@ -65,7 +65,10 @@ impl Record {
         let data = json!({ "max_attempts": job.max_attempts });
         let job = Job {
             id: job.id,
+            tenant: job.tenant,
             kind: job.kind,
+            priority: job.priority,
+            tags: job.tags,
             payload: job.payload,
             state: JobState::Queued,
             attempt: 0,

@@ -7,8 +7,8 @@ use serde_json::Value;
 use tokio::sync::broadcast;
 
 use super::{
-    ArtifactEntry, Claim, Event, Failure, Heartbeat, Job, JobChange, JobCounts, JobId, JobState,
-    ListQuery, NewJob, Page,
+    ArtifactEntry, Claim, Event, Failure, Heartbeat, Idempotency, Job, JobChange, JobCounts, JobId,
+    JobState, ListQuery, NewJob, Page, Tags, TenantName,
 };
 
 /// Why a store could not do what was asked.
@@ -29,6 +29,29 @@ pub enum StoreError {
         /// Name of the job.
         id: JobId,
     },
+    /// The idempotency key came with another upload.
+    #[error("the key {0:?} was given with another upload")]
+    OtherUpload(String),
+    /// As many jobs of the tenant wait as may.
+    #[error("{most} jobs of tenant {tenant} wait already")]
+    TooManyQueued {
+        /// Whose they are.
+        tenant: TenantName,
+        /// How many may wait.
+        most: u32,
+    },
+    /// There is no such tenant.
+    #[error("there is no tenant {0}")]
+    NoTenant(TenantName),
+    /// There is such a tenant already.
+    #[error("there is a tenant {0} already")]
+    TenantExists(TenantName),
+    /// The tenant can't be deleted: a job of it runs, or it is the default one.
+    #[error("tenant {0} is in use")]
+    TenantInUse(TenantName),
+    /// There is no such key.
+    #[error("there is no key {0}")]
+    NoKey(String),
     /// The (job, attempt) no longer holds the lease.
     #[error("attempt {attempt} of job {id} lost its lease")]
     LeaseLost {
@@ -54,8 +77,26 @@ pub enum StoreError {
 /// `tests/it/suite.rs` is the suite that every implementation passes.
 #[async_trait]
 pub trait JobStore: Send + Sync {
-    /// Adds a job in state queued.
+    /// Adds a job in state queued. If its idempotency key came with the same
+    /// upload in the last day, the job that this became is returned instead, and
+    /// nothing is added.
+    ///
+    /// # Errors
+    /// [`StoreError::NoTenant`] if its tenant is not there,
+    /// [`StoreError::TooManyQueued`] if too many of its jobs wait,
+    /// [`StoreError::OtherUpload`] if the key came with another upload,
+    /// [`StoreError::NotFound`] if the job that it became is deleted.
     async fn enqueue(&self, job: NewJob) -> Result<Job, StoreError>;
+
+    /// The job that an upload with this key became in the last day, if it did.
+    ///
+    /// # Errors
+    /// As [`Self::enqueue`].
+    async fn enqueued(
+        &self,
+        tenant: &TenantName,
+        given: &Idempotency,
+    ) -> Result<Option<Job>, StoreError>;
 
     /// The job as it is now.
     async fn get(&self, id: JobId) -> Result<Job, StoreError>;
@@ -66,8 +107,10 @@ pub trait JobStore: Send + Sync {
     /// The events of a job numbered above `after`, in order.
     async fn events(&self, id: JobId, after: u64) -> Result<Vec<Event>, StoreError>;
 
-    /// Claims the oldest queued job for `lease` and counts the attempt. `worker`
-    /// names the claimant for people who read the log.
+    /// Claims a queued job for `lease` and counts the attempt: of the tenant that
+    /// has the fewest jobs running and was served longest ago, the most important
+    /// job and of those the oldest. `worker` names the claimant for people who
+    /// read the log.
     async fn claim(&self, worker: &str, lease: Duration) -> Result<Option<Claim>, StoreError>;
 
     /// Extends the lease of (job, attempt).
@@ -138,6 +181,17 @@ pub trait JobStore: Send + Sync {
     /// # Errors
     /// [`StoreError::Finished`] if the job ended already.
     async fn request_cancel(&self, id: JobId) -> Result<Job, StoreError>;
+
+    /// Sets what people say of a job.
+    async fn tag(&self, id: JobId, tags: &Tags) -> Result<Job, StoreError>;
+
+    /// Cancels a job that runs, and has it deleted when it has ended. `false` if
+    /// it does not run.
+    async fn delete_when_ended(&self, id: JobId) -> Result<bool, StoreError>;
+
+    /// Forgets the jobs that have ended and whose time is over, and those that
+    /// were to be deleted when they have. Returns them: their bytes may go.
+    async fn expire(&self) -> Result<Vec<JobId>, StoreError>;
 
     /// Forgets a job and its events.
     ///

@@ -3,6 +3,7 @@
 //! Each concern is one small struct that is at once its flags, its environment
 //! variables and its keys in the file, so the three cannot drift apart.
 
+mod access;
 mod check;
 mod http;
 mod limits;
@@ -10,6 +11,7 @@ mod log;
 mod storage;
 mod workers;
 
+pub(super) use access::AccessConfig;
 pub(super) use http::HttpConfig;
 pub(super) use limits::LimitConfig;
 pub(super) use log::{LogConfig, LogFormat};
@@ -32,6 +34,9 @@ pub(super) struct Config {
     #[command(flatten)]
     #[serde(flatten)]
     pub http: HttpConfig,
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub access: AccessConfig,
     #[command(flatten)]
     #[serde(flatten)]
     pub storage: StorageConfig,

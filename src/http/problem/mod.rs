@@ -151,6 +151,12 @@ impl Problem {
         serde_json::to_vec(&self.document(instance)).unwrap_or_default()
     }
 
+    /// The client's own part of something is used up.
+    pub fn too_much(detail: &str) -> Self {
+        Self::new(TOO_MANY_REQUESTS, detail)
+            .header(header::RETRY_AFTER, HeaderValue::from_static("5"))
+    }
+
     fn document(&self, instance: &str) -> ProblemDocument {
         let Contents { kind, detail, part, parameter, errors, .. } = &*self.0;
         ProblemDocument {
@@ -179,6 +185,16 @@ impl From<StoreError> for Problem {
                 format!("{id} is running; cancel it and wait, then delete it"),
             ),
             StoreError::Full => Self::full(),
+            StoreError::NoTenant(_) => Self::new(UNKNOWN_TENANT, error.to_string()),
+            StoreError::TenantExists(_) => Self::new(TENANT_EXISTS, error.to_string()),
+            StoreError::TenantInUse(_) => Self::new(TENANT_IN_USE, error.to_string()),
+            StoreError::NoKey(_) => Self::new(UNKNOWN_KEY, error.to_string()),
+            StoreError::TooManyQueued { .. } => Self::new(TOO_MANY_JOBS, error.to_string())
+                .header(header::RETRY_AFTER, HeaderValue::from_static("10")),
+            StoreError::OtherUpload(key) => Self::new(
+                IDEMPOTENCY_KEY_REUSED,
+                format!("the Idempotency-Key `{key}` came with another upload; use a new one"),
+            ),
             StoreError::LeaseLost { .. } | StoreError::Unreadable(_) => {
                 Self::internal("job store", &error)
             }

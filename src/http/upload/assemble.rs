@@ -14,8 +14,8 @@ use crate::draft;
 use crate::draft::options::{Method, Options};
 use crate::http::HttpLimits;
 use crate::http::problem::{
-    DIFFERING_SIZES, DUPLICATE_AZIMUTH, INVALID_ANGLE, INVALID_SHEET, INVALID_TRUTH, MISSING_PART,
-    Problem, TOO_FEW_VIEWS, TOO_MANY_VIEWS,
+    DIFFERING_SIZES, DUPLICATE_AZIMUTH, INVALID_ANGLE, INVALID_SHEET, INVALID_TRUTH, JOB_TOO_LARGE,
+    MISSING_PART, Problem, TOO_FEW_VIEWS, TOO_MANY_VIEWS,
 };
 use frames::Azimuth;
 use sheet::{
@@ -247,6 +247,7 @@ impl Assembled {
         inputs.extend(model.map(|model| model.store(&mut document)));
         check_sizes(&drawings, &requirements(options.method, limits))?;
         let sizes: Vec<_> = drawings.iter().map(|(azimuth, _, size)| (*azimuth, *size)).collect();
+        check_memory(&sizes, &options, limits)?;
         matches::check(&document.matches, &sizes, &options)?;
         describe(&mut document, &drawings, &options)?;
         Ok((document, inputs))
@@ -288,6 +289,19 @@ fn view_document(view: &PlacedView, image: String) -> ViewDocument {
         elevation_deg: Some(view.elevation_deg),
         ..ViewDocument::default()
     }
+}
+
+/// Refuses what could not run here, before it waits for a worker.
+pub(super) fn check_memory(
+    views: &[(Azimuth, PictureSize)],
+    options: &Options,
+    limits: &HttpLimits,
+) -> Result<(), Problem> {
+    let largest = |side: fn(&PictureSize) -> u32| views.iter().map(|(_, size)| side(size)).max();
+    let size = (largest(|it| it.width).unwrap_or(0), largest(|it| it.height).unwrap_or(0));
+    let (threads, most) = (limits.threads_per_job, limits.draft.max_working_bytes);
+    draft::check_memory(views.len(), size, options, threads, most)
+        .map_err(|error| Problem::new(JOB_TOO_LARGE, error.to_string()))
 }
 
 fn check_sizes(

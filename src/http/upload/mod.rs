@@ -15,15 +15,18 @@ mod page;
 mod parts;
 mod pictures;
 mod source;
+mod terms;
 mod truths;
 
 pub(super) use intake::Budget;
 pub(super) use model::ModelForm;
 pub(super) use parts::Parts;
 pub(super) use pictures::Decoders;
+pub(super) use terms::IDEMPOTENCY_KEY;
 
 use std::future::Future;
 
+use axum::body::Body;
 use axum::extract::Request;
 use axum::http::{HeaderMap, HeaderValue, header};
 use bytes::Bytes;
@@ -34,10 +37,12 @@ use serde_json::Value;
 use tokio::sync::OwnedSemaphorePermit;
 
 use self::intake::{Intake, too_large};
-use super::problem::{Problem, REQUEST_TIMEOUT, UNSUPPORTED_MEDIA_TYPE};
+use self::terms::Terms;
+use super::access::Caller;
+use super::problem::{IDEMPOTENT_JOB_GONE, Problem, REQUEST_TIMEOUT, UNSUPPORTED_MEDIA_TYPE};
 use super::{Api, HttpLimits};
 use jobs::bytes::{ByteError, ByteStore, Key};
-use jobs::{Job, JobId, NewJob};
+use jobs::{Idempotency, Job, JobId, NewJob, StoreError};
 
 /// How many inputs are written at a time: each waits for the disk.
 const CONCURRENT_WRITES: usize = 8;
@@ -52,7 +57,11 @@ pub(super) trait Form: Default + Send {
     ) -> impl Future<Output = Result<(), Problem>> + Send;
 
     /// Checks the parts against each other and decodes them to their ends.
-    fn check(self, api: &Api) -> impl Future<Output = Result<Upload, Problem>> + Send;
+    fn check(
+        self,
+        api: &Api,
+        caller: &Caller,
+    ) -> impl Future<Output = Result<Upload, Problem>> + Send;
 }
 
 /// A checked upload: the job that it will be.
@@ -84,11 +93,13 @@ impl Upload {
 /// Receives an upload and enqueues its job. Job and inputs are durable on return.
 pub(super) async fn receive<F: Form>(api: &Api, request: Request) -> Result<Job, Problem> {
     expect_room(api, request.headers())?;
+    let (head, body) = request.into_parts();
+    let terms = Terms::of(&head)?;
     let receiving = async {
-        let (form, hold) = read_form::<F>(api, request).await?;
+        let (form, hold) = read_form::<F>(api, &head.headers, body).await?;
         // Parsed documents take more room than their bytes: a few at a time.
         let _slot = api.checks.acquire().await;
-        Ok((form.check(api).await?, hold))
+        Ok((form.check(api, &terms.caller).await?, hold))
     };
     let received = tokio::time::timeout(api.limits.upload_timeout, receiving).await;
     let (upload, _hold) = received.unwrap_or_else(|_| {
@@ -97,7 +108,7 @@ pub(super) async fn receive<F: Form>(api: &Api, request: Request) -> Result<Job,
         Err(Problem::new(REQUEST_TIMEOUT, detail))
     })?;
     // Beyond the timeout: nobody is told that a job failed to come that did.
-    enqueue(api, upload).await
+    enqueue(api, upload, &terms).await
 }
 
 /// Refuses uploads while the service stops and while its disk is about full:
@@ -117,12 +128,12 @@ fn expect_room(api: &Api, headers: &HeaderMap) -> Result<(), Problem> {
 
 async fn read_form<F: Form>(
     api: &Api,
-    request: Request,
+    headers: &HeaderMap,
+    body: Body,
 ) -> Result<(F, Option<OwnedSemaphorePermit>), Problem> {
-    let (head, body) = request.into_parts();
     let limit = api.limits.max_body_bytes;
     let mut intake = Intake::new(body, limit, api.budget.clone());
-    let read = match check_head(&head.headers, limit) {
+    let read = match check_head(headers, limit) {
         Ok(boundary) => parts::read(Multipart::new(&mut intake, boundary), &api.limits).await,
         Err(problem) => Err(problem),
     };
@@ -130,7 +141,7 @@ async fn read_form<F: Form>(
         Ok(form) => Ok((form, intake.into_hold())),
         Err(problem) => {
             // A client that waits for 100 Continue sends nothing after this.
-            if !head.headers.contains_key(header::EXPECT) {
+            if !headers.contains_key(header::EXPECT) {
                 intake.drain().await;
             }
             Err(problem)
@@ -156,18 +167,44 @@ fn check_head(headers: &HeaderMap, limit: u64) -> Result<String, Problem> {
     }
 }
 
-async fn enqueue(api: &Api, upload: Upload) -> Result<Job, Problem> {
+async fn enqueue(api: &Api, upload: Upload, terms: &Terms) -> Result<Job, Problem> {
+    let Terms { caller, key, priority, tags } = terms;
+    let (upload, idempotency) = match key {
+        None => (upload, None),
+        Some(key) => {
+            let (key, priority) = (key.clone(), *priority);
+            let named = move || {
+                let fingerprint = terms::fingerprint(&upload, priority);
+                (upload, Some(Idempotency { key, fingerprint }))
+            };
+            api.decoders.run(named).await?
+        }
+    };
+    if let Some(given) = &idempotency
+        && let Some(job) =
+            api.state.store.enqueued(&caller.tenant, given).await.map_err(idempotency_problem)?
+    {
+        return Ok(job);
+    }
     let id = JobId::new();
     let Upload { kind, payload, inputs } = upload;
     let stored = async {
         api.state.store.expect_bytes(id).await?;
         store_inputs(api, id, inputs).await?;
         let max_attempts = api.state.max_attempts;
-        let job = NewJob { id, kind: kind.to_owned(), payload, max_attempts };
-        Ok(api.state.store.enqueue(job).await?)
+        let job = NewJob {
+            tenant: caller.tenant.clone(),
+            priority: *priority,
+            tags: tags.clone(),
+            max_queued: caller.limits.max_queued,
+            idempotency,
+            ..NewJob::new(id, kind, payload, max_attempts)
+        };
+        api.state.store.enqueue(job).await.map_err(idempotency_problem)
     };
     let result = stored.await;
-    if result.is_err() {
+    // Refused, or the same as one that was faster.
+    if result.as_ref().map_or(true, |job| job.id != id) {
         // Otherwise the collector of ownerless bytes finds them later.
         let forgotten = async {
             api.state.bytes.delete_job(id).await.map_err(|error| error.to_string())?;
@@ -178,6 +215,16 @@ async fn enqueue(api: &Api, upload: Upload) -> Result<Job, Problem> {
         }
     }
     result
+}
+
+fn idempotency_problem(error: StoreError) -> Problem {
+    match error {
+        StoreError::NotFound(id) => {
+            let detail = format!("the job {id} that this key became is deleted; use another key");
+            Problem::new(IDEMPOTENT_JOB_GONE, detail)
+        }
+        other => other.into(),
+    }
 }
 
 async fn store_inputs(api: &Api, job: JobId, inputs: Inputs) -> Result<(), Problem> {

@@ -11,10 +11,11 @@ use super::option_parts::GivenOptions;
 use super::page::PageParts;
 use super::pictures::{check_start, image_problem};
 use super::{Form, Inputs, Upload, source, truths};
+use crate::http::access::Caller;
 use crate::http::problem::{
     BODY_TOO_LARGE, CONFLICTING_PARTS, DUPLICATE_AZIMUTH, DUPLICATE_PART, EMPTY_FILE,
-    INVALID_ANGLE, INVALID_JSON, INVALID_PART_NAME, PART_TOO_LARGE, Problem, TOO_MANY_VIEWS,
-    UNKNOWN_PART,
+    INVALID_ANGLE, INVALID_JSON, INVALID_PART_NAME, MISSING_PART, PART_TOO_LARGE, Problem,
+    TOO_MANY_VIEWS, UNKNOWN_PART,
 };
 use crate::http::{Api, HttpLimits};
 use crate::kinds::{RECONSTRUCTION, ReconstructionPayload};
@@ -49,6 +50,9 @@ pub(crate) struct Parts {
     pub sheet: Option<Document>,
     /// Matches of pairs, in any form of upload.
     pub matches: Vec<Document>,
+    /// Drawings whose azimuths come in parts of their own, in the same order.
+    pub loose_views: Vec<FilePart>,
+    pub loose_azimuths: Vec<Azimuth>,
     pub given: GivenOptions,
     pub page: PageParts,
     pub source: Option<String>,
@@ -56,6 +60,8 @@ pub(crate) struct Parts {
 
 enum Kind {
     View(Azimuth),
+    LooseView,
+    LooseAzimuths,
     Mask(Azimuth),
     Truth(Azimuth),
     TruthModel(String),
@@ -100,6 +106,20 @@ impl Form for Parts {
                 self.expect_new_view(azimuth, &name, limits)?;
                 let picture = read_picture(field, name, limits).await?;
                 self.views.push((azimuth, picture));
+            }
+            Kind::LooseView => {
+                if self.loose_views.len() == limits.max_views {
+                    return Err(too_many(&name, limits));
+                }
+                let file = format!("{name}, number {}", self.loose_views.len() + 1);
+                self.loose_views.push(read_picture(field, file, limits).await?);
+            }
+            Kind::LooseAzimuths => {
+                let text = read_text(field, &name).await?;
+                // Some clients send a list as one part.
+                for angle in text.trim_matches(['[', ']']).split(',') {
+                    self.loose_azimuths.push(parse_azimuth(angle, &name)?);
+                }
             }
             Kind::Mask(azimuth) => {
                 expect_new(!self.masks.iter().any(|(a, _)| *a == azimuth), &name)?;
@@ -160,7 +180,8 @@ impl Form for Parts {
         Ok(())
     }
 
-    async fn check(mut self, api: &Api) -> Result<Upload, Problem> {
+    async fn check(mut self, api: &Api, caller: &Caller) -> Result<Upload, Problem> {
+        self.place_loose_views(&api.limits)?;
         if let Some(part) = self.page.any() {
             let others = [self.source.as_ref().map(|_| "source".to_owned()), self.any_of_others()];
             self.expect_only(&part, [others[0].as_ref(), others[1].as_ref(), None])?;
@@ -170,7 +191,7 @@ impl Form for Parts {
         let has_matches;
         let (document, source, inputs) = match self.source.take() {
             Some(source) => {
-                let (id, mut document) = source::rerun(api, &source, self).await?;
+                let (id, mut document) = source::rerun(api, caller, &source, self).await?;
                 let names = source::input_names(&document);
                 let matches = matches::set_apart(&mut document)?;
                 has_matches = matches.is_some();
@@ -200,6 +221,23 @@ impl Form for Parts {
 }
 
 impl Parts {
+    /// Gives the parts `view` the azimuths of the parts `azimuth_deg`.
+    fn place_loose_views(&mut self, limits: &HttpLimits) -> Result<(), Problem> {
+        let (views, azimuths) = (self.loose_views.len(), self.loose_azimuths.len());
+        if views != azimuths {
+            let detail = format!(
+                "there are {views} parts `view` and {azimuths} azimuths in parts `azimuth_deg`; send one for each"
+            );
+            return Err(Problem::new(MISSING_PART, detail).part("azimuth_deg"));
+        }
+        let views = std::mem::take(&mut self.loose_views);
+        for (azimuth, file) in std::mem::take(&mut self.loose_azimuths).into_iter().zip(views) {
+            self.expect_new_view(azimuth, &file.file, limits)?;
+            self.views.push((azimuth, file));
+        }
+        Ok(())
+    }
+
     fn expect_new_view(
         &self,
         azimuth: Azimuth,
@@ -315,6 +353,8 @@ fn kind(name: &str, file_name: Option<&str>) -> Result<Kind, Problem> {
         return parse_azimuth(angle, name).map(Kind::Truth);
     }
     match (name, file_name) {
+        ("view", Some(_)) => Ok(Kind::LooseView),
+        ("azimuth_deg", None) => Ok(Kind::LooseAzimuths),
         ("sheet", _) => Ok(Kind::Sheet),
         ("truth", Some(file)) if !file.is_empty() => Ok(Kind::File(file.to_owned())),
         ("truth", _) => Ok(Kind::TruthFields),

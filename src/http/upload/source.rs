@@ -2,10 +2,11 @@
 
 use serde_json::Value;
 
-use super::assemble::{check, parse_options};
+use super::assemble::{check, check_memory, parse_options};
 use super::matches;
 use super::parts::Parts;
 use crate::http::Api;
+use crate::http::access::Caller;
 use crate::http::problem::{DIFFERING_SIZES, Problem, UNKNOWN_SOURCE};
 use crate::kinds::{MATCHES_INPUT, RECONSTRUCTION, ReconstructionPayload};
 use frames::Azimuth;
@@ -17,6 +18,7 @@ use sheet::{PictureSize, SheetDocument};
 /// with the given ones laid over them.
 pub(super) async fn rerun(
     api: &Api,
+    caller: &Caller,
     source: &str,
     mut parts: Parts,
 ) -> Result<(JobId, SheetDocument), Problem> {
@@ -29,7 +31,7 @@ pub(super) async fn rerun(
         StoreError::NotFound(_) => unknown(source),
         other => other.into(),
     })?;
-    if job.kind != RECONSTRUCTION {
+    if job.kind != RECONSTRUCTION || job.tenant != caller.tenant {
         return Err(unknown(source));
     }
     let payload: ReconstructionPayload = serde_json::from_value(job.payload)
@@ -49,6 +51,9 @@ pub(super) async fn rerun(
     if options.method.needs_equal_sizes() && document.width.is_none() {
         let detail = "the views of the source differ in size, and the method takes views of one";
         return Err(Problem::new(DIFFERING_SIZES, detail).part("source"));
+    }
+    if document.width.is_some() {
+        check_memory(&sizes(&document), &options, &api.limits)?;
     }
     // Matches may be many: not on a thread that answers others.
     let laid_over = move || {

@@ -7,16 +7,15 @@ use serde::Deserialize;
 use super::failure;
 use super::sink::AttemptSink;
 use super::watch::Watch;
-use crate::draft::{self, DraftError};
+use crate::draft::{self, DraftError, DraftLimits};
 use crate::kinds::{MATCHES_INPUT, RECONSTRUCTION, ReconstructionPayload, ReconstructionSummary};
 use crate::worker::{Attempt, Work, WorkError};
-use picture::ImageLimits;
 
 /// Reconstructs a sheet from the job's inputs.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Reconstruct {
-    /// What one drawing may cost.
-    pub limits: ImageLimits,
+    /// What the drawings and the whole may cost.
+    pub limits: DraftLimits,
 }
 
 impl Work for Reconstruct {

@@ -10,6 +10,7 @@ use tokio::net::{TcpSocket, TcpStream};
 
 use crate::api::harness::{Service, file, problem, views};
 use jobs::JobStore;
+use turnaround::draft::DraftLimits;
 use turnaround::http::{HttpLimits, ServerTimeouts};
 
 async fn with_limits(limits: HttpLimits) -> Service {
@@ -169,4 +170,13 @@ async fn a_reader_that_is_stuck_is_let_go() {
     // One that reads slowly but reads gets it all.
     let whole = service.get(&path).send().await.unwrap().bytes().await.unwrap();
     assert_eq!(whole.len(), large.len());
+}
+
+#[tokio::test]
+async fn what_could_not_run_is_refused_at_once() {
+    let draft = DraftLimits { max_working_bytes: 100_000, ..DraftLimits::default() };
+    let service = with_limits(HttpLimits { draft, ..HttpLimits::default() }).await;
+    let body = problem(service.upload(views(&["0", "45", "90"])).await, 422, "job-too-large").await;
+    assert!(body["detail"].as_str().unwrap().contains("100000"), "{body}");
+    service.assert_nothing_stored().await;
 }

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use image::{GrayImage, ImageFormat, Luma};
 use jobs::bytes::{ByteStore, Key};
-use jobs::{ArtifactEntry, JobId, JobStore, ListQuery, SqliteStore, SystemClock};
+use jobs::{ArtifactEntry, JobId, JobStore, ListQuery, SqliteStore, SystemClock, TenantLimits};
 use reqwest::multipart::{Form, Part};
 use reqwest::{Client, RequestBuilder, Response, StatusCode};
 use serde_json::Value;
@@ -14,7 +14,7 @@ use sha2::{Digest, Sha256};
 use tempfile::TempDir;
 use tokio::net::TcpListener;
 use tokio_util::sync::CancellationToken;
-use turnaround::http::{self, ApiState, Guard, HttpLimits, ServerTimeouts};
+use turnaround::http::{self, Access, ApiState, Guard, HttpLimits, KeyPolicy, ServerTimeouts};
 
 pub(crate) const LEASE: Duration = Duration::from_secs(30);
 
@@ -44,6 +44,13 @@ impl Service {
             bytes: bytes.clone(),
             metrics: http::prometheus().unwrap(),
             max_attempts: 3,
+            access: Access {
+                store: store.clone(),
+                policy: KeyPolicy::OnceThereAreKeys,
+                defaults: TenantLimits::default(),
+                open_metrics: false,
+                docs: true,
+            },
             guard: Guard { origins: vec!["https://studio.example".to_owned()], ..Guard::default() },
             draining: draining.clone(),
             shutdown: shutdown.clone(),

@@ -2,6 +2,7 @@
 //! to one that runs unattended, a file a matter.
 
 mod full_disk;
+mod keys;
 mod process;
 mod settings;
 mod stopping;

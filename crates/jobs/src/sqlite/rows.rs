@@ -10,9 +10,10 @@ use serde_json::Value;
 use sqlx::sqlite::SqliteRow;
 use sqlx::{FromRow, Row, SqliteConnection};
 
+use super::access::tenant_name;
 use super::backend;
 use crate::record::{Change, Record};
-use crate::{Event, Job, JobId, JobState, StoreError, Uptime};
+use crate::{Event, Job, JobId, JobState, StoreError, Tags, Uptime};
 
 /// A stored value that this version can't read.
 #[derive(Debug, thiserror::Error)]
@@ -28,7 +29,15 @@ impl<'r> FromRow<'r, SqliteRow> for Record {
         let uptime = |ms| Uptime { boot: Arc::clone(&boot), ms };
         let job = Job {
             id: JobId(text(row, "id")?.parse().map_err(decode)?),
+            tenant: tenant_name(row, "tenant")?,
             kind: text(row, "kind")?,
+            priority: row.try_get("priority")?,
+            tags: Tags {
+                name: row.try_get("name")?,
+                labels: json(row, "labels")?,
+                expires_at: optional_time(row, "expires_ms")?,
+                pinned: row.try_get("pinned")?,
+            },
             payload: json(row, "payload")?,
             state: named(row, "state")?,
             attempt: row.try_get("attempt")?,
@@ -120,8 +129,10 @@ pub(super) async fn insert(
     let job = &record.job;
     sqlx::query(
         "INSERT INTO jobs (id, kind, payload, state, attempt, attempts_used, max_attempts,
-             cancel_requested, boot, not_before_ms, artifacts, created_ms, version)
-         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, '[]', ?11, ?12)",
+             cancel_requested, boot, not_before_ms, artifacts, created_ms, version, tenant,
+             priority, name, labels, expires_ms, pinned)
+         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, '[]', ?11, ?12, ?13, ?14,
+             ?15, ?16, ?17, ?18)",
     )
     .bind(job.id.to_string())
     .bind(&job.kind)
@@ -135,6 +146,12 @@ pub(super) async fn insert(
     .bind(record.not_before.ms)
     .bind(job.created_at.as_millisecond())
     .bind(job.version.cast_signed())
+    .bind(job.tenant.as_str())
+    .bind(job.priority)
+    .bind(&job.tags.name)
+    .bind(serde_json::to_string(&job.tags.labels).map_err(backend)?)
+    .bind(job.tags.expires_at.map(Timestamp::as_millisecond))
+    .bind(job.tags.pinned)
     .execute(connection)
     .await
     .map_err(backend)?;
@@ -212,7 +229,7 @@ pub(super) fn state_name(state: JobState) -> Result<String, StoreError> {
     name(&state)
 }
 
-fn decode<E: std::error::Error + Send + Sync + 'static>(error: E) -> sqlx::Error {
+pub(super) fn decode<E: std::error::Error + Send + Sync + 'static>(error: E) -> sqlx::Error {
     sqlx::Error::Decode(Box::new(error))
 }
 
@@ -220,7 +237,7 @@ fn text(row: &SqliteRow, column: &'static str) -> sqlx::Result<String> {
     row.try_get(column)
 }
 
-fn json<T: DeserializeOwned>(row: &SqliteRow, column: &'static str) -> sqlx::Result<T> {
+pub(super) fn json<T: DeserializeOwned>(row: &SqliteRow, column: &'static str) -> sqlx::Result<T> {
     serde_json::from_str(row.try_get(column)?).map_err(decode)
 }
 
@@ -232,17 +249,20 @@ fn optional_json<T: DeserializeOwned>(
     text.map(serde_json::from_str).transpose().map_err(decode)
 }
 
-fn named<T: DeserializeOwned>(row: &SqliteRow, column: &'static str) -> sqlx::Result<T> {
+pub(super) fn named<T: DeserializeOwned>(row: &SqliteRow, column: &'static str) -> sqlx::Result<T> {
     let value = text(row, column)?;
     serde_json::from_value(Value::String(value.clone()))
         .map_err(|_| decode(Unreadable { column, value }))
 }
 
-fn time(row: &SqliteRow, column: &'static str) -> sqlx::Result<Timestamp> {
+pub(super) fn time(row: &SqliteRow, column: &'static str) -> sqlx::Result<Timestamp> {
     Timestamp::from_millisecond(row.try_get(column)?).map_err(decode)
 }
 
-fn optional_time(row: &SqliteRow, column: &'static str) -> sqlx::Result<Option<Timestamp>> {
+pub(super) fn optional_time(
+    row: &SqliteRow,
+    column: &'static str,
+) -> sqlx::Result<Option<Timestamp>> {
     let ms: Option<i64> = row.try_get(column)?;
     ms.map(Timestamp::from_millisecond).transpose().map_err(decode)
 }

@@ -3,15 +3,17 @@
 use std::time::Duration;
 
 use async_trait::async_trait;
-use serde_json::Value;
-use sqlx::{QueryBuilder, Sqlite};
+use jiff::Timestamp;
+use serde_json::{Value, json};
+use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
 use tokio::sync::broadcast;
 
-use super::{SqliteStore, backend, ownerless, rows};
-use crate::record::{Ending, Present, Record};
+use super::{SqliteStore, backend, idempotency, ownerless, rows};
+use crate::record::{Change, Ending, Present, Record};
 use crate::{
-    ArtifactEntry, Claim, Event, Failure, Heartbeat, Job, JobChange, JobCounts, JobId, JobState,
-    JobStore, ListQuery, NewJob, Page, StoreError, UNREADABLE, Uptime,
+    ArtifactEntry, Claim, Event, EventKind, Failure, Heartbeat, Idempotency, Job, JobChange,
+    JobCounts, JobId, JobState, JobStore, ListQuery, NewJob, Page, StoreError, Tags, TenantName,
+    UNREADABLE, Uptime,
 };
 
 impl SqliteStore {
@@ -34,9 +36,18 @@ impl SqliteStore {
     /// polling must not stand in the way of writes.
     async fn next_queued(&self, now: &Uptime) -> Result<Option<String>, StoreError> {
         sqlx::query_scalar(
-            "SELECT id FROM jobs
-             WHERE state = 'queued' AND (boot <> ?1 OR not_before_ms <= ?2)
-             ORDER BY rowid LIMIT 1",
+            "SELECT next FROM (
+                 SELECT served,
+                     (SELECT id FROM jobs
+                      WHERE state = 'queued' AND tenant = tenants.name
+                          AND (boot <> ?1 OR not_before_ms <= ?2)
+                      ORDER BY priority DESC, rowid LIMIT 1) AS next,
+                     (SELECT count(*) FROM jobs
+                      WHERE state = 'running' AND tenant = tenants.name) AS running,
+                     json_extract(limits, '$.max_running') AS most
+                 FROM tenants)
+             WHERE next IS NOT NULL AND running < coalesce(most, running + 1)
+             ORDER BY running, served LIMIT 1",
         )
         .bind(&*now.boot)
         .bind(now.ms)
@@ -73,6 +84,13 @@ impl SqliteStore {
             return Ok(None);
         }
         let change = record.claim(worker, &now, lease);
+        sqlx::query(
+            "UPDATE tenants SET served = (SELECT max(served) + 1 FROM tenants) WHERE name = ?1",
+        )
+        .bind(record.job.tenant.as_str())
+        .execute(&mut *transaction)
+        .await
+        .map_err(backend)?;
         let job = self.commit(transaction, record, change).await?;
         Ok(Some(Claim { attempt: job.attempt, job }))
     }
@@ -151,15 +169,69 @@ impl SqliteStore {
     }
 }
 
+async fn expect_tenant(
+    connection: &mut SqliteConnection,
+    tenant: &TenantName,
+) -> Result<(), StoreError> {
+    let found: bool = sqlx::query_scalar("SELECT EXISTS (SELECT 1 FROM tenants WHERE name = ?1)")
+        .bind(tenant.as_str())
+        .fetch_one(connection)
+        .await
+        .map_err(backend)?;
+    if found { Ok(()) } else { Err(StoreError::NoTenant(tenant.clone())) }
+}
+
+async fn expect_queue(
+    connection: &mut SqliteConnection,
+    tenant: &TenantName,
+    most: u32,
+) -> Result<(), StoreError> {
+    let waiting: i64 =
+        sqlx::query_scalar("SELECT count(*) FROM jobs WHERE state = 'queued' AND tenant = ?1")
+            .bind(tenant.as_str())
+            .fetch_one(connection)
+            .await
+            .map_err(backend)?;
+    if waiting < i64::from(most) {
+        return Ok(());
+    }
+    Err(StoreError::TooManyQueued { tenant: tenant.clone(), most })
+}
+
 #[async_trait]
 impl JobStore for SqliteStore {
     async fn enqueue(&self, job: NewJob) -> Result<Job, StoreError> {
-        let (mut record, change) = Record::new(job, &self.present());
+        let (max_queued, given) = (job.max_queued, job.idempotency.clone());
+        let now = self.present();
+        let (mut record, change) = Record::new(job, &now);
         record.job.version = 1;
         let mut transaction = self.begin().await?;
+        expect_tenant(&mut transaction, &record.job.tenant).await?;
+        if let Some(given) = &given {
+            let (tenant, id) = (&record.job.tenant, record.job.id);
+            if let Some(id) = idempotency::find(&mut transaction, tenant, given, now.time).await? {
+                return Ok(rows::load(&mut transaction, id).await?.job);
+            }
+            idempotency::remember(&mut transaction, tenant, given, id, now.time).await?;
+        }
+        if let Some(most) = max_queued {
+            expect_queue(&mut transaction, &record.job.tenant, most).await?;
+        }
         rows::insert(&mut transaction, &record).await?;
         ownerless::remove(&mut transaction, record.job.id).await?;
         self.finish(transaction, record.job, change).await
+    }
+
+    async fn enqueued(
+        &self,
+        tenant: &TenantName,
+        given: &Idempotency,
+    ) -> Result<Option<Job>, StoreError> {
+        let mut connection = self.readers.acquire().await.map_err(backend)?;
+        match idempotency::find(&mut connection, tenant, given, self.clock.now()).await? {
+            Some(id) => Ok(Some(rows::load(&mut connection, id).await?.job)),
+            None => Ok(None),
+        }
     }
 
     async fn get(&self, id: JobId) -> Result<Job, StoreError> {
@@ -170,11 +242,26 @@ impl JobStore for SqliteStore {
     async fn list(&self, query: &ListQuery) -> Result<Page, StoreError> {
         let limit = query.limit.max(1);
         let mut sql = QueryBuilder::<Sqlite>::new("SELECT * FROM jobs WHERE true");
+        if let Some(tenant) = &query.tenant {
+            sql.push(" AND tenant = ").push_bind(tenant.as_str());
+        }
         if let Some(kind) = &query.kind {
             sql.push(" AND kind = ").push_bind(kind);
         }
         if let Some(state) = query.state {
             sql.push(" AND state = ").push_bind(rows::state_name(state)?);
+        }
+        for (label, value) in &query.labels {
+            // Names are held to plain characters before they get here, and bound
+            // all the same.
+            sql.push(" AND EXISTS (SELECT 1 FROM json_each(labels) WHERE key = ");
+            sql.push_bind(label).push(" AND value = ").push_bind(value).push(")");
+        }
+        if let Some(from) = query.created_from {
+            sql.push(" AND created_ms >= ").push_bind(from.as_millisecond());
+        }
+        if let Some(before) = query.created_before {
+            sql.push(" AND created_ms < ").push_bind(before.as_millisecond());
         }
         if let Some(before) = query.before {
             sql.push(" AND id < ").push_bind(before.to_string());
@@ -297,6 +384,70 @@ impl JobStore for SqliteStore {
     async fn request_cancel(&self, id: JobId) -> Result<Job, StoreError> {
         let now = self.clock.now();
         self.with_reserve(|| self.transition(id, |record| record.request_cancel(now))).await
+    }
+
+    async fn tag(&self, id: JobId, tags: &Tags) -> Result<Job, StoreError> {
+        let mut transaction = self.begin().await?;
+        let mut record = rows::load(&mut transaction, id).await?;
+        record.job.tags = tags.clone();
+        // A new version, for it is answered otherwise, and an event that says so.
+        let change = Change { kind: EventKind::Tagged, data: json!({}) };
+        sqlx::query(
+            "UPDATE jobs SET name = ?2, labels = ?3, expires_ms = ?4, pinned = ?5 WHERE id = ?1",
+        )
+        .bind(id.to_string())
+        .bind(&tags.name)
+        .bind(serde_json::to_string(&tags.labels).map_err(backend)?)
+        .bind(tags.expires_at.map(Timestamp::as_millisecond))
+        .bind(tags.pinned)
+        .execute(&mut *transaction)
+        .await
+        .map_err(backend)?;
+        self.commit(transaction, record, change).await
+    }
+
+    async fn delete_when_ended(&self, id: JobId) -> Result<bool, StoreError> {
+        match self.request_cancel(id).await {
+            Ok(job) if job.state == JobState::Running => {}
+            Ok(_) | Err(StoreError::Finished { .. }) => return Ok(false),
+            Err(error) => return Err(error),
+        }
+        let mut transaction = self.begin().await?;
+        sqlx::query("UPDATE jobs SET delete_requested = 1 WHERE id = ?1")
+            .bind(id.to_string())
+            .execute(&mut *transaction)
+            .await
+            .map_err(backend)?;
+        transaction.commit().await.map_err(backend)?;
+        Ok(true)
+    }
+
+    async fn expire(&self) -> Result<Vec<JobId>, StoreError> {
+        const OVER: &str = "state IN ('succeeded', 'failed', 'cancelled')
+            AND (delete_requested = 1 OR (pinned = 0 AND expires_ms <= ?1))";
+        let now_ms = self.clock.now().as_millisecond();
+        let found = sqlx::AssertSqlSafe(format!("SELECT EXISTS (SELECT 1 FROM jobs WHERE {OVER})"));
+        let found: bool = sqlx::query_scalar(found)
+            .bind(now_ms)
+            .fetch_one(&self.readers)
+            .await
+            .map_err(backend)?;
+        if !found {
+            return Ok(Vec::new());
+        }
+        let mut transaction = self.begin().await?;
+        let delete = sqlx::AssertSqlSafe(format!("DELETE FROM jobs WHERE {OVER} RETURNING id"));
+        let deleted: Vec<String> = sqlx::query_scalar(delete)
+            .bind(now_ms)
+            .fetch_all(&mut *transaction)
+            .await
+            .map_err(backend)?;
+        let jobs: Vec<JobId> = deleted.iter().filter_map(|id| id.parse().ok()).collect();
+        for id in &jobs {
+            ownerless::add(&mut transaction, *id, &self.clock.uptime()).await?;
+        }
+        transaction.commit().await.map_err(backend)?;
+        Ok(jobs)
     }
 
     async fn delete(&self, id: JobId) -> Result<(), StoreError> {

@@ -26,7 +26,7 @@ async fn open(path: &Path, clock: &Arc<ManualClock>) -> SqliteStore {
 }
 
 fn new_job() -> NewJob {
-    NewJob { id: JobId::new(), kind: "test".into(), payload: json!({}), max_attempts: 3 }
+    NewJob::new(JobId::new(), "test", json!({}), 3)
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -35,7 +35,8 @@ async fn sqlite_passes_the_suite() {
     suite::run(async || {
         let clock = clock();
         let path = folder.path().join(format!("{}.sqlite", JobId::new()));
-        Subject { store: Arc::new(open(&path, &clock).await), clock }
+        let store = Arc::new(open(&path, &clock).await);
+        Subject { store: store.clone(), access: store, clock }
     })
     .await;
 }
