@@ -1,5 +1,7 @@
 # Build: docker build -t turnaround .
-# Run:   docker run --rm -p 8080:8080 -v turnaround-data:/data turnaround
+# Run:   docker run --rm turnaround keys generate > first.key
+#        docker run --rm -p 8080:8080 -v turnaround-data:/data -v ./first.key:/run/first.key:ro \
+#            -e TURNAROUND_FIRST_KEY_FILE=/run/first.key turnaround
 
 FROM rust:1.95-bookworm AS build
 RUN apt-get update \

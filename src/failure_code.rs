@@ -80,6 +80,12 @@ failure_codes! {
     NoViews = "no_views", "No view is asked for.", "give at least one azimuth";
     TooManyViews = "too_many_views", "Too many views are asked for.", "leave some out";
     DuplicateView = "duplicate_view", "A view is asked for twice.", "give each azimuth once";
+    TimeLimit = "time_limit", "The job took longer than a job may.",
+        "use smaller or fewer views, or cheaper options";
+    EnvironmentTrouble = "environment_trouble",
+        "For an hour the service could not read or write what the job needs.",
+        "tell who runs the service, then send it again";
+    Unreadable = "unreadable", "The stored job cannot be read.", "send it again";
     AttemptsExhausted = "attempts_exhausted", "Every attempt at the job broke off.",
         "send it again; if it fails again, report it";
     LeaseExpired = "lease_expired", "The job's worker was lost.", "send it again";
@@ -121,7 +127,7 @@ mod tests {
         let names: Vec<_> = FailureCode::ALL.iter().map(|code| code.name()).collect();
         let unique: std::collections::BTreeSet<_> = names.iter().collect();
         assert_eq!(unique.len(), names.len());
-        for own in [jobs::ATTEMPTS_EXHAUSTED, jobs::LEASE_EXPIRED] {
+        for own in [jobs::ATTEMPTS_EXHAUSTED, jobs::LEASE_EXPIRED, jobs::UNREADABLE] {
             assert!(names.contains(&own), "{own}");
         }
     }

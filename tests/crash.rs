@@ -12,7 +12,6 @@ use std::sync::Arc;
 use std::thread;
 use std::time::{Duration, Instant};
 
-use jiff::Timestamp;
 use jobs::bytes::{ByteStore, Key};
 use jobs::{
     ArtifactEntry, EventKind, Job, JobId, JobState, JobStore, NewJob, SqliteStore, SystemClock,
@@ -111,7 +110,7 @@ impl Scene {
         let ids = (0..JOBS).map(|seed| {
             let id = JobId::new();
             let payload = json!({ "seed": seed });
-            let job = NewJob { id, kind: "noise".to_owned(), payload, max_attempts };
+            let job = NewJob::new(id, "noise", payload, max_attempts);
             runtime.block_on(store.enqueue(job)).unwrap();
             id
         });
@@ -169,7 +168,8 @@ impl Scene {
 
     /// Checks that no byte of a killed attempt outlives a collection.
     fn assert_nothing_is_left_over(&self) {
-        let collecting = collect(&self.store, &self.bytes, Timestamp::now(), PATIENCE);
+        let config = WorkerConfig::default();
+        let collecting = collect(&self.store, &self.bytes, &config);
         self.runtime.block_on(collecting).unwrap();
         for job in self.jobs() {
             let attempts = self.runtime.block_on(self.bytes.attempts(job.id)).unwrap();

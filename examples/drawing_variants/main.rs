@@ -20,10 +20,9 @@ use image::{GrayImage, ImageFormat, RgbaImage, imageops};
 use mesh::Mesh;
 use mesh::builtin::ProceduralModel;
 use mesh::read::{Limits, Model, ModelFormat, load};
-use picture::ImageLimits;
 use serde_json::json;
 use sheet::{SheetDocument, ViewDocument};
-use turnaround::draft::Decoded;
+use turnaround::draft::{Decoded, DraftLimits};
 use turntable::fit::redraw;
 use variants::{Clean, VARIANTS, iou};
 
@@ -153,7 +152,7 @@ fn report(
         ..SheetDocument::default()
     };
     let read = |name: &str| Ok(files[name].clone());
-    let decoded = match Decoded::read(&document, &read, &ImageLimits::default(), 2) {
+    let decoded = match Decoded::read(&document, &read, &DraftLimits::default(), 2) {
         Ok(decoded) => decoded,
         Err(error) => return println!("| {name} | | | | refused: {error} |"),
     };

@@ -6,6 +6,7 @@ use super::config::{Config, ConfigArgs};
 use super::draw::{self, DrawArgs};
 use super::evaluate::{self, EvaluateArgs};
 use super::failure::Failure;
+use super::keys::{self, KeyCommand, TenantCommand};
 use super::page::{self, PageArgs};
 use super::reconstruct::{self, ReconstructArgs};
 use super::study::{self, StudyArgs};
@@ -35,6 +36,12 @@ enum Command {
     Evaluate(EvaluateArgs),
     /// Run the dissertation's study on a folder of sheets with truth
     Study(StudyArgs),
+    /// Make, list and revoke the keys of a service
+    #[command(subcommand)]
+    Keys(KeyCommand),
+    /// Make and list the tenants of a service, whose jobs are kept apart
+    #[command(subcommand)]
+    Tenants(TenantCommand),
     /// Print the OpenAPI description of the service
     Openapi,
 }
@@ -51,6 +58,8 @@ pub(super) fn run() -> Result<(), Failure> {
         Command::Draw(args) => draw::run(&args),
         Command::Evaluate(args) => evaluate::run(&args),
         Command::Study(args) => study::run(&args),
+        Command::Keys(command) => keys::keys(&command),
+        Command::Tenants(command) => keys::tenants(&command),
         Command::Openapi => {
             println!("{:#}", crate::http::openapi());
             Ok(())

@@ -106,7 +106,7 @@ fn load(args: &DrawArgs) -> Result<Model> {
     if size > limits.max_bytes as u64 {
         return Err(anyhow!("{name} has {size} bytes, over the limit of {}", limits.max_bytes));
     }
-    let bytes = fs::read(path).with_context(|| name.to_string())?;
+    let bytes = inputs::read_file(path.as_ref()).with_context(|| name.to_string())?;
     read::load(&bytes, format, up_axis, &limits).with_context(|| name.to_string())
 }
 

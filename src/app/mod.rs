@@ -5,10 +5,13 @@
 
 mod cli;
 mod config;
+mod descriptors;
 mod draw;
 mod evaluate;
 mod failure;
 mod inputs;
+mod keys;
+mod memory;
 mod page;
 mod progress_bar;
 mod reconstruct;

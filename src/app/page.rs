@@ -11,6 +11,7 @@ use serde_json::json;
 
 use super::config::LimitConfig;
 use super::failure::Failure;
+use super::inputs;
 use super::progress_bar::Bar;
 use ::page::{PageError, PageOptions, PageProposal};
 use frames::Azimuth;
@@ -75,7 +76,7 @@ fn pictures(args: &PageArgs) -> Result<Vec<RgbaImage>> {
     let mut pictures = Vec::new();
     for path in &args.files {
         let name = path.display();
-        let bytes = fs::read(path).with_context(|| name.to_string())?;
+        let bytes = inputs::read_file(path.as_ref()).with_context(|| name.to_string())?;
         let decoded = ::page::decode(&bytes, &limits, most);
         pictures.extend(decoded.map_err(|error| anyhow!("{name} {error}"))?);
     }

@@ -53,12 +53,13 @@ pub(super) struct ReconstructArgs {
 pub(super) fn run(args: &ReconstructArgs) -> Result<(), Failure> {
     let (mut document, base) = document(args).map_err(Failure::Input)?;
     document.options = Some(chosen_options(args, document.options.take())?);
-    let read = |name: &str| fs::read(base.join(name)).map_err(|error| name_file(name, &error));
+    let read =
+        |name: &str| inputs::read_file(&base.join(name)).map_err(|error| name_file(name, &error));
     let bar = Bar::new();
     let summary = draft::produce(
         &document,
         &read,
-        &args.limits.image(),
+        &args.limits.image().into(),
         inputs::threads(args.threads),
         &bar,
         &mut Folder(&args.output),

@@ -1,23 +1,30 @@
 //! Wires stores, workers and the HTTP interface into running services.
 
 use std::future::Future;
+use std::net::{IpAddr, SocketAddr};
+use std::path::Path;
 use std::sync::Arc;
 use std::thread::available_parallelism;
 use std::time::Duration;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use tokio::net::TcpListener;
 use tokio::runtime::{Handle, Runtime};
 use tokio::signal::unix::{SignalKind, signal};
 use tokio_util::sync::CancellationToken;
 
-use super::config::{Config, HttpConfig, LimitConfig, WorkersConfig};
+use super::config::{AccessConfig, Config, HttpConfig};
 use super::failure::Failure;
-use crate::http::{self, ApiState, HttpLimits, ServerTimeouts};
+use super::{descriptors, memory};
+use crate::draft::DraftLimits;
+use crate::http::{self, Access, ApiState, Guard, HttpLimits, KeyPolicy, ServerTimeouts};
 use crate::worker::jobs::{Draw, Reconstruct};
 use crate::worker::{Pool, Work, WorkerConfig};
 use jobs::bytes::ByteStore;
-use jobs::{JobStore, SqliteStore, SystemClock};
+use jobs::{
+    AccessStore, JobStore, KeyText, NewKey, Scope, SqliteStore, SystemClock, TenantLimits,
+    TenantName,
+};
 
 /// Runs the HTTP interface and the workers until SIGTERM or SIGINT.
 pub(super) fn serve(config: &Config) -> Result<(), Failure> {
@@ -37,16 +44,22 @@ fn run<F: Future<Output = Result<()>>>(service: impl FnOnce(Handle) -> F) -> Res
 
 async fn serve_until_signal(config: &Config, runtime: Handle) -> Result<()> {
     let stores = Stores::open(config).await?;
-    let shutdown = CancellationToken::new();
+    let (draining, shutdown) = (CancellationToken::new(), CancellationToken::new());
     let state = ApiState {
         store: stores.jobs.clone(),
         bytes: stores.bytes.clone(),
         metrics: http::prometheus().context("recording metrics")?,
         max_attempts: config.workers.max_attempts,
-        cors_origins: config.http.cors_origin.clone(),
+        access: access(config, &stores).await?,
+        guard: guard(&config.http),
+        draining: draining.clone(),
         shutdown: shutdown.clone(),
     };
-    let router = http::router(state, &http_limits(&config.limits));
+    let connections = match (config.http.max_connections, descriptors::raise_limit()) {
+        (0, files) => descriptors::connections(files),
+        (set, _) => set,
+    };
+    let router = http::router(state, &http_limits(config, connections));
     let listen = config.http.listen;
     let listener =
         TcpListener::bind(listen).await.with_context(|| format!("listening on {listen}"))?;
@@ -54,9 +67,11 @@ async fn serve_until_signal(config: &Config, runtime: Handle) -> Result<()> {
     println!("listening on http://{}", listener.local_addr()?);
     let timeouts = server_timeouts(&config.http);
     let stopped = shutdown.clone();
-    let server =
-        tokio::spawn(async move { http::serve(listener, router, &timeouts, stopped).await });
+    let server = tokio::spawn(async move {
+        http::serve(listener, router, &timeouts, connections, stopped).await
+    });
     stop_signal().await?;
+    draining.cancel();
     // Status requests are answered until running jobs have come to rest.
     pool.shutdown(Duration::from_secs(config.workers.shutdown_grace)).await;
     shutdown.cancel();
@@ -84,6 +99,8 @@ async fn stop_signal() -> Result<()> {
 /// The embedded default: SQLite and a folder, both below the data folder.
 struct Stores {
     jobs: Arc<dyn JobStore>,
+    /// Of the same database.
+    access: Arc<dyn AccessStore>,
     bytes: ByteStore,
 }
 
@@ -93,25 +110,32 @@ impl Stores {
         let within = || format!("in the data folder {}", folder.display());
         let bytes_folder = folder.join("bytes");
         std::fs::create_dir_all(&bytes_folder).with_context(within)?;
-        let jobs = SqliteStore::open(&folder.join("jobs.sqlite"), Arc::new(SystemClock))
-            .await
-            .with_context(within)?;
         let bytes = ByteStore::local(&bytes_folder).with_context(within)?;
-        Ok(Self { jobs: Arc::new(jobs), bytes })
+        let database = folder.join("jobs.sqlite");
+        let is_new = !database.try_exists().with_context(within)?;
+        ensure!(
+            !is_new || config.storage.adopt_bytes || bytes.jobs().await?.is_empty(),
+            "{} has bytes of jobs, but no database; put its latest copy back, or start with --adopt-bytes to begin a new one beside them",
+            folder.display()
+        );
+        let jobs =
+            SqliteStore::open(&database, Arc::new(SystemClock)).await.with_context(within)?;
+        let jobs = Arc::new(jobs);
+        Ok(Self { jobs: jobs.clone(), access: jobs, bytes })
     }
 
     fn start_workers(&self, config: &Config, runtime: &Handle) -> Result<Pool> {
         let works: Vec<Arc<dyn Work>> = vec![
-            Arc::new(Reconstruct { limits: config.limits.image() }),
+            Arc::new(Reconstruct { limits: draft_limits(config) }),
             Arc::new(Draw { model: config.limits.model(), ..Draw::default() }),
         ];
         let jobs = Arc::clone(&self.jobs);
-        Pool::start(worker_config(&config.workers), jobs, self.bytes.clone(), works, runtime)
+        Pool::start(worker_config(config), jobs, self.bytes.clone(), works, runtime)
             .context("starting the workers")
     }
 }
 
-fn worker_config(config: &WorkersConfig) -> WorkerConfig {
+fn worker_config(Config { workers: config, storage, .. }: &Config) -> WorkerConfig {
     let processors = available_parallelism().map_or(1, usize::from);
     let threads_per_job = match config.threads_per_job {
         0 => (processors / config.workers.max(1)).max(1),
@@ -122,12 +146,91 @@ fn worker_config(config: &WorkersConfig) -> WorkerConfig {
         threads_per_job,
         lease: Duration::from_secs(config.lease),
         heartbeat: Duration::from_secs(config.heartbeat),
+        max_job_time: Duration::from_secs(config.max_job_seconds),
+        collect_unknown_after: storage
+            .collect_unknown_after
+            .map(|hours| Duration::from_secs(hours.saturating_mul(3600))),
         ..WorkerConfig::default()
     }
 }
 
-fn http_limits(config: &LimitConfig) -> HttpLimits {
+/// Who may use the service. One that others can reach must have a key, unless
+/// it is told otherwise.
+async fn access(config: &Config, stores: &Stores) -> Result<Access> {
+    let AccessConfig { requests_per_second, max_queued, max_tenant_streams, .. } = config.access;
+    let store = Arc::clone(&stores.access);
+    if let Some(path) = &config.access.first_key_file {
+        first_key(store.as_ref(), path).await?;
+    }
+    let policy = match (config.access.insecure_no_auth, config.http.listen.ip().is_loopback()) {
+        (true, _) => KeyPolicy::Off,
+        (false, true) => KeyPolicy::OnceThereAreKeys,
+        (false, false) => KeyPolicy::Required,
+    };
+    ensure!(
+        policy != KeyPolicy::Required || store.has_keys().await?,
+        "others can reach {}, and there is no key; make one with `turnaround keys create`, give one with --first-key-file, or let everybody in with --insecure-no-auth",
+        config.http.listen
+    );
+    let defaults = TenantLimits {
+        requests_per_second,
+        max_queued,
+        max_running: None,
+        max_streams: max_tenant_streams,
+    };
+    let (open_metrics, docs) = (config.access.open_metrics, !config.access.no_docs);
+    Ok(Access { store, policy, defaults, open_metrics, docs })
+}
+
+/// Stores the key in `path` unless it is there.
+async fn first_key(store: &dyn AccessStore, path: &Path) -> Result<()> {
+    let within = || format!("reading the first key from {}", path.display());
+    let text = std::fs::read_to_string(path).with_context(within)?;
+    let text: KeyText = text.trim().parse().with_context(within)?;
+    if store.keys().await?.iter().any(|key| key.id == text.id()) {
+        return Ok(());
+    }
+    let (tenant, label) = (TenantName::default(), "first".to_owned());
+    store.add_key(&NewKey { tenant, label, scope: Scope::Admin }, &text).await?;
+    Ok(())
+}
+
+/// Which requests are meant for the service: listening on the loopback, those
+/// that call it by the loopback's names.
+fn guard(config: &HttpConfig) -> Guard {
+    let mut allowed_hosts = config.allowed_host.clone();
+    if allowed_hosts.is_empty() && config.listen.ip().is_loopback() {
+        allowed_hosts = ["localhost", "127.0.0.1", "[::1]"].map(str::to_owned).to_vec();
+        let own = without_port(config.listen);
+        allowed_hosts.extend((!allowed_hosts.contains(&own)).then_some(own));
+    }
+    Guard { allowed_hosts, origins: config.cors_origin.clone() }
+}
+
+fn without_port(address: SocketAddr) -> String {
+    match address.ip() {
+        IpAddr::V4(ip) => ip.to_string(),
+        IpAddr::V6(ip) => format!("[{ip}]"),
+    }
+}
+
+/// What one reconstruction may cost: what the machine has for each worker.
+fn draft_limits(config: &Config) -> DraftLimits {
+    let max_working_bytes = match config.limits.max_job_mib {
+        0 => memory::of_a_job(config.workers.workers),
+        mib => mib << 20,
+    };
+    DraftLimits { image: config.limits.image(), max_working_bytes }
+}
+
+fn http_limits(whole: &Config, connections: usize) -> HttpLimits {
+    let Config { limits: config, http, storage, .. } = whole;
     HttpLimits {
+        min_free_bytes: storage.min_free_mib << 20,
+        // Others than streams must find a connection.
+        max_streams: http.max_streams.min(connections / 2),
+        draft: draft_limits(whole),
+        threads_per_job: worker_config(whole).threads_per_job,
         image: config.image(),
         model: config.model(),
         max_body_bytes: config.max_body_mib << 20,
@@ -140,6 +243,7 @@ fn server_timeouts(config: &HttpConfig) -> ServerTimeouts {
     ServerTimeouts {
         header_read: Duration::from_secs(config.header_timeout),
         body_idle: Duration::from_secs(config.body_idle_timeout),
+        write: Duration::from_secs(config.write_timeout),
         ..ServerTimeouts::default()
     }
 }

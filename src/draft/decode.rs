@@ -38,7 +38,7 @@ pub(super) fn decode_sheet(
     document: &SheetDocument,
     options: &Options,
     read: ReadImage<'_>,
-    limits: &ImageLimits,
+    limits: &DraftLimits,
     pool: &ThreadPool,
     observer: &dyn Observer,
 ) -> Result<DecodedSheet, DraftError> {
@@ -51,16 +51,17 @@ pub(super) fn decode_sheet(
     let mut inspected = Vec::with_capacity(found);
     for view in &document.views {
         observer.check()?;
-        inspected.push(inspect(view, read, limits)?);
+        inspected.push(inspect(view, read, &limits.image)?);
     }
-    check_sizes(&inspected, options, pool.current_num_threads())?;
+    let threads = pool.current_num_threads();
+    check_sizes(&inspected, options, threads, limits.max_working_bytes)?;
     let decoded: Vec<_> = pool.install(|| {
         inspected
             .par_iter()
             .with_max_len(1)
             .map(|view| {
                 observer.check()?;
-                decode(view, document.elevation_deg, limits)
+                decode(view, document.elevation_deg, &limits.image)
             })
             .collect()
     });
@@ -116,6 +117,7 @@ fn check_sizes(
     views: &[Inspected<'_>],
     options: &Options,
     threads: usize,
+    max_working_bytes: u64,
 ) -> Result<(), DraftError> {
     let Some(first) = views.first() else { return Ok(()) };
     if options.method.needs_equal_sizes() {
@@ -135,26 +137,53 @@ fn check_sizes(
     }
     let largest = |pick: fn(&Inspected<'_>) -> u32| views.iter().map(pick).max().unwrap_or(0);
     let size = (largest(|view| view.width_px), largest(|view| view.height_px));
-    check_memory(views.len(), size, options, threads)
+    check_memory(views.len(), size, options, threads, max_working_bytes)
 }
 
-/// What a reconstruction may hold in memory at once, bytes.
-const MAX_WORKING_BYTES: u64 = 8 << 30;
+/// What a reconstruction may hold in memory at once where nothing else is said,
+/// bytes.
+pub const DEFAULT_WORKING_BYTES: u64 = 8 << 30;
+
+/// What a reconstruction may cost.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DraftLimits {
+    /// Each drawing and mask.
+    pub image: ImageLimits,
+    /// What it may hold in memory at once, bytes.
+    pub max_working_bytes: u64,
+}
+
+impl Default for DraftLimits {
+    fn default() -> Self {
+        Self { image: ImageLimits::default(), max_working_bytes: DEFAULT_WORKING_BYTES }
+    }
+}
+
+/// Views of an image limit alone.
+impl From<ImageLimits> for DraftLimits {
+    fn from(image: ImageLimits) -> Self {
+        Self { image, ..Self::default() }
+    }
+}
 
 /// Holds the memory that `views` of one size would take against the limit.
-fn check_memory(
+///
+/// # Errors
+/// [`DraftError::Input`] if it is more; the detail has both.
+pub fn check_memory(
     views: usize,
     size: (u32, u32),
     options: &Options,
     threads: usize,
+    max_working_bytes: u64,
 ) -> Result<(), DraftError> {
     let needed = options.working_bytes(views, size, threads);
-    if needed <= MAX_WORKING_BYTES {
+    if needed <= max_working_bytes {
         return Ok(());
     }
     let code = FailureCode::TooLarge;
     let detail = format!(
-        "the views and options need about {needed} bytes of memory, over the limit of {MAX_WORKING_BYTES}; {}",
+        "the views and options need about {needed} bytes of memory, over the limit of {max_working_bytes}; {}",
         code.remedy()
     );
     Err(DraftError::input(code, detail))
@@ -213,18 +242,18 @@ mod tests {
     #[test]
     fn a_usual_sheet_fits_and_a_huge_one_is_refused() {
         let turntable = Options::default();
-        assert!(check_memory(19, (1920, 1080), &turntable, 8).is_ok());
-        assert!(check_memory(64, (8000, 8000), &turntable, 8).is_err());
+        assert!(check_memory(19, (1920, 1080), &turntable, 8, DEFAULT_WORKING_BYTES).is_ok());
+        assert!(check_memory(64, (8000, 8000), &turntable, 8, DEFAULT_WORKING_BYTES).is_err());
         let options = Options { method: Method::Uncalibrated, ..turntable };
-        assert!(check_memory(64, (1920, 1080), &options, 8).is_ok());
-        assert!(check_memory(64, (8000, 8000), &options, 2).is_err());
+        assert!(check_memory(64, (1920, 1080), &options, 8, DEFAULT_WORKING_BYTES).is_ok());
+        assert!(check_memory(64, (8000, 8000), &options, 2, DEFAULT_WORKING_BYTES).is_err());
         let disparity = DisparityOptions {
             mode: SgbmMode::EightPath,
             num_disparities: 1024,
             ..DisparityOptions::default()
         };
         let options = Options { disparity, ..options };
-        let error = check_memory(3, (4000, 3000), &options, 1).unwrap_err();
+        let error = check_memory(3, (4000, 3000), &options, 1, DEFAULT_WORKING_BYTES).unwrap_err();
         assert!(matches!(error, DraftError::Input { code: FailureCode::TooLarge, .. }), "{error}");
     }
 }

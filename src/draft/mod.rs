@@ -17,7 +17,6 @@ use std::thread;
 use artifacts::{ArtifactSink, Delivery};
 use frames::Azimuth;
 use image::{GrayImage, RgbaImage};
-use picture::ImageLimits;
 use progress::{Observer, Silent};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use serde::{Deserialize, Serialize};
@@ -25,6 +24,7 @@ use sheet::{Sheet, SheetDocument};
 
 use crate::failure_code::FailureCode;
 use crate::kinds::FitSummary;
+pub use decode::{DEFAULT_WORKING_BYTES, DraftLimits, check_memory};
 use decode::{DecodedSheet, decode_sheet};
 use options::{Method, Options};
 use subjects::Preparation;
@@ -60,7 +60,7 @@ pub type ReadImage<'a> = &'a (dyn Fn(&str) -> io::Result<Vec<u8>> + Sync);
 /// * `document`: views and options.
 /// * `read`: the bytes of an image the document names; called from several
 ///   threads.
-/// * `limits`: what one image may cost.
+/// * `limits`: what images and the whole may cost.
 /// * `threads`: how many threads may compute; no artifact but `timings.json`
 ///   depends on it.
 /// * `sink`: takes each artifact as soon as it is made, in a fixed order, from
@@ -73,7 +73,7 @@ pub type ReadImage<'a> = &'a (dyn Fn(&str) -> io::Result<Vec<u8>> + Sync);
 pub fn produce(
     document: &SheetDocument,
     read: ReadImage<'_>,
-    limits: &ImageLimits,
+    limits: &DraftLimits,
     threads: usize,
     observer: &dyn Observer,
     sink: &mut dyn ArtifactSink,
@@ -85,7 +85,7 @@ pub fn produce(
         decode_sheet(document, &options, read, limits, &pool, &timed.decoding())?;
     let moved = preparation.as_ref().is_some_and(|done| done.alignment.is_some());
     let in_place = (!moved).then_some(&sheet);
-    let inputs = (read, limits, &options.evaluation);
+    let inputs = (read, &limits.image, &options.evaluation);
     let truths = Truths::read(document, in_place, inputs, &pool, &timed.decoding())?;
     let (truths, timed) = (truths.as_ref(), &timed);
     let run = Run {
@@ -124,7 +124,7 @@ impl<'a> Decoded<'a> {
     pub fn read(
         document: &'a SheetDocument,
         read: ReadImage<'_>,
-        limits: &ImageLimits,
+        limits: &DraftLimits,
         threads: usize,
     ) -> Result<Self, DraftError> {
         let (options, pool) = (options_of(document)?, pool(threads)?);

@@ -94,7 +94,7 @@ pub(super) fn run(
 ) -> Result<(Summary, Vec<Artifact>), DraftError> {
     let mut kept = Kept::default();
     let read = |name: &str| files.get(name).cloned().ok_or(io::ErrorKind::NotFound.into());
-    let limits = ImageLimits::default();
+    let limits = DraftLimits::default();
     let summary = produce(document, &read, &limits, threads, observer, &mut kept)?;
     let artifacts = std::mem::take(&mut *kept.0.lock().unwrap());
     Ok((summary, artifacts))

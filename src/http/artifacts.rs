@@ -1,34 +1,50 @@
 //! Lists a job's artifacts and serves their bytes, whole or by range.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use axum::body::Body;
-use axum::extract::Path;
 use axum::extract::rejection::PathRejection;
+use axum::extract::{FromRequestParts, Path};
+use axum::http::request::Parts;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum_extra::headers::{ETag, HeaderMapExt, IfRange};
 
 use super::Api;
+use super::access::Caller;
 use super::conditional::{is_known, is_unwanted};
 use super::problem::{PRECONDITION_FAILED, Problem, RANGE_NOT_SATISFIABLE, UNKNOWN_ARTIFACT};
 use super::range::{Selection, select};
 use super::representation::{ArtifactList, ArtifactSummary};
-use super::resource::{Id, Resource, find, unless_known};
+use super::resource::{Id, OwnedId, Resource, find, unless_known};
 use jobs::bytes::{ByteError, Key};
 use jobs::{ArtifactEntry, Job, JobId};
 
 /// Id and artifact name in a path.
-pub(super) type IdAndName = Result<Path<(String, String)>, PathRejection>;
+pub(super) struct IdAndName {
+    path: Result<Path<(String, String)>, PathRejection>,
+    caller: Arc<Caller>,
+}
+
+impl<S: Send + Sync> FromRequestParts<S> for IdAndName {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Problem> {
+        let caller = Caller::of(parts)?;
+        let path = Result::<Path<_>, _>::from_request_parts(parts, state).await;
+        Ok(Self { path: path.unwrap_or_else(|never| match never {}), caller })
+    }
+}
 
 /// Answers what there is of a job.
 pub(super) async fn list<R: Resource>(
     api: &Api,
-    id: JobId,
+    asked: OwnedId,
     headers: &HeaderMap,
 ) -> Result<Response, Problem> {
-    let job = find::<R>(api, id).await?;
-    let summary = |entry| ArtifactSummary::of::<R>(id, entry);
+    let job = find::<R>(api, &asked).await?;
+    let summary = |entry| ArtifactSummary::of::<R>(job.id, entry);
     let artifacts = || ArtifactList { artifacts: job.artifacts.iter().map(summary).collect() };
     Ok(unless_known(headers, &job, artifacts))
 }
@@ -40,20 +56,22 @@ pub(super) async fn named<R: Resource>(
     method: &Method,
     headers: &HeaderMap,
 ) -> Result<Response, Problem> {
+    let IdAndName { path, caller } = path;
     let Path((id, name)) =
         path.map_err(|error| Problem::new(UNKNOWN_ARTIFACT, error.body_text()))?;
-    serve::<R>(api, Id::<R>::parse(&id)?, &name, method, headers).await
+    let asked = OwnedId { id: Id::<R>::parse(&id)?, caller };
+    serve::<R>(api, asked, &name, method, headers).await
 }
 
 /// Answers an artifact's bytes, or the range of them that the client asks for.
 pub(super) async fn serve<R: Resource>(
     api: &Api,
-    id: JobId,
+    asked: OwnedId,
     name: &str,
     method: &Method,
     headers: &HeaderMap,
 ) -> Result<Response, Problem> {
-    let job = &find::<R>(api, id).await?;
+    let job = &find::<R>(api, &asked).await?;
     let entry = entry::<R>(job, name)?;
     let etag: ETag = format!("\"{}\"", entry.sha256)
         .parse()

@@ -13,7 +13,8 @@ use tokio::time::Instant;
 
 use super::Api;
 use super::problem::Problem;
-use super::resource::{Resource, find};
+use super::resource::{OwnedId, Resource, find};
+use super::streams::OpenStream;
 use super::wait::Watch;
 use jobs::{Event, EventKind, JobId, StoreError};
 
@@ -22,25 +23,32 @@ const KEEP_ALIVE: Duration = Duration::from_secs(15);
 /// Answers the events of a job from the one after `Last-Event-ID` to the final one.
 pub(super) async fn stream<R: Resource>(
     api: Arc<Api>,
-    id: JobId,
+    job: OwnedId,
     headers: &HeaderMap,
 ) -> Result<Response, Problem> {
+    let OwnedId { id, caller } = &job;
+    let id = *id;
     let last = headers.get("last-event-id").and_then(|value| value.to_str().ok()?.parse().ok());
     let last: u64 = last.unwrap_or(0);
-    let job = find::<R>(&api, id).await?;
-    if job.state.is_final() && last >= job.version {
+    let found = find::<R>(&api, &job).await?;
+    if found.state.is_final() && last >= found.version {
         return Ok(StatusCode::NO_CONTENT.into_response());
     }
+    let has_ended = found.state.is_final();
+    let slot = api.streams.open(caller)?;
     let keep_alive = KeepAlive::new().interval(KEEP_ALIVE).text("still here");
-    Ok(Sse::new(follow(api, id, last)).keep_alive(keep_alive).into_response())
+    Ok(Sse::new(follow(api, id, last, has_ended, slot)).keep_alive(keep_alive).into_response())
 }
 
 fn follow(
     api: Arc<Api>,
     id: JobId,
     mut last: u64,
+    has_ended: bool,
+    slot: OpenStream,
 ) -> impl Stream<Item = Result<ServerSentEvent, Infallible>> {
     async_stream::stream! {
+        let _slot = slot;
         let mut watch = Watch::new(&api, id);
         loop {
             match api.state.store.events(id, last).await {
@@ -58,6 +66,10 @@ fn follow(
                     tracing::warn!(%id, %error, "event stream ends early");
                     return;
                 }
+            }
+            // What comes after the final event is no part of the job's life.
+            if has_ended {
+                return;
             }
             tokio::select! {
                 () = watch.changed(Instant::now() + KEEP_ALIVE) => {}

@@ -56,15 +56,15 @@ pub(super) async fn live() -> Json<Health> {
     responses((status = 200, description = "It can", body = Health), ReadyProblems)
 )]
 pub(super) async fn ready(State(api): State<Arc<Api>>) -> Result<Json<Health>, Problem> {
-    if api.state.shutdown.is_cancelled() {
-        return Err(Problem::new(UNAVAILABLE, "the service is shutting down"));
+    if api.state.draining.is_cancelled() {
+        return Err(Problem::stopping());
     }
     let probe = async {
         api.state.store.ping().await?;
-        // Belongs to no job, so the collector of ownerless bytes takes it.
+        // Belongs to no job, and is written again each time.
         let key = Key::Input { job: JobId(Uuid::nil()), name: "probe" };
-        let written = api.state.bytes.put(&key, Bytes::from_static(b"ok")).await;
-        written.map_err(|error| Problem::unavailable("byte store", &error))
+        api.state.bytes.put(&key, Bytes::from_static(b"ok")).await?;
+        Ok::<_, Problem>(())
     };
     match tokio::time::timeout(PROBE_TIMEOUT, probe).await {
         Ok(result) => result.map(|()| Json(OK)),

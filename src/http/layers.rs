@@ -14,9 +14,16 @@ use tower_http::trace::TraceLayer;
 use tracing::Span;
 
 use super::conditional::{PREFER, PREFERENCE_APPLIED};
-use super::{problem, telemetry};
+use super::upload::IDEMPOTENCY_KEY;
+use super::{guard, problem, telemetry};
 
 const X_REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
+
+/// What pages of the service may load and do: their own files, and pictures that
+/// they hold themselves. Nobody may frame them.
+const CONTENT_SECURITY_POLICY: &str = "default-src 'self'; img-src 'self' data: blob:; \
+    style-src 'self' 'unsafe-inline'; object-src 'none'; base-uri 'none'; form-action 'self'; \
+    frame-ancestors 'none'";
 
 /// Lays around every route what all requests go through, outermost first.
 pub(super) fn wrap<S: Clone + Send + Sync + 'static>(
@@ -27,14 +34,26 @@ pub(super) fn wrap<S: Clone + Send + Sync + 'static>(
         header::X_CONTENT_TYPE_OPTIONS,
         HeaderValue::from_static("nosniff"),
     );
+    // Unless an answer says otherwise: it is one client's and may change.
+    let cache = SetResponseHeaderLayer::if_not_present(
+        header::CACHE_CONTROL,
+        HeaderValue::from_static("private, no-cache"),
+    );
+    let policy = SetResponseHeaderLayer::if_not_present(
+        header::CONTENT_SECURITY_POLICY,
+        HeaderValue::from_static(CONTENT_SECURITY_POLICY),
+    );
     router.layer(
         ServiceBuilder::new()
+            .layer(from_fn(guard::bound_request_id))
             .set_x_request_id(MakeRequestUuid)
             .layer(TraceLayer::new_for_http().make_span_with(span))
             .propagate_x_request_id()
             .layer(from_fn(telemetry::measure))
             .option_layer(cors)
             .layer(nosniff)
+            .layer(cache)
+            .layer(policy)
             .layer(from_fn(problem::render))
             .layer(CatchPanicLayer::custom(problem::panicked)),
     )
@@ -69,6 +88,10 @@ pub(super) fn cors(origins: &[String]) -> Option<CorsLayer> {
         header::CONTENT_DISPOSITION,
         PREFERENCE_APPLIED,
         X_REQUEST_ID,
+        header::WWW_AUTHENTICATE,
+        HeaderName::from_static("ratelimit-limit"),
+        HeaderName::from_static("ratelimit-remaining"),
+        HeaderName::from_static("ratelimit-reset"),
     ];
     let accepted = [
         header::CONTENT_TYPE,
@@ -78,10 +101,19 @@ pub(super) fn cors(origins: &[String]) -> Option<CorsLayer> {
         header::RANGE,
         PREFER,
         HeaderName::from_static("last-event-id"),
+        header::AUTHORIZATION,
+        IDEMPOTENCY_KEY,
     ];
     let layer = CorsLayer::new()
         .allow_origin(allowed)
-        .allow_methods([Method::GET, Method::HEAD, Method::POST, Method::DELETE])
+        .allow_methods([
+            Method::GET,
+            Method::HEAD,
+            Method::POST,
+            Method::PUT,
+            Method::PATCH,
+            Method::DELETE,
+        ])
         .allow_headers(AllowHeaders::list(accepted))
         .expose_headers(ExposeHeaders::list(exposed));
     Some(layer)

@@ -4,9 +4,12 @@
 //! heavy work (decoding an upload's pictures) runs on blocking threads, a few at
 //! a time, so that status requests stay quick.
 
+mod access;
 mod artifacts;
+mod bare;
 mod conditional;
 mod events;
+mod guard;
 mod health;
 mod layers;
 mod limits;
@@ -22,10 +25,14 @@ mod server;
 mod sheet_representation;
 mod sheets;
 mod state;
+mod streams;
+mod tags;
 mod telemetry;
 mod upload;
 mod wait;
 
+pub use access::{Access, KeyPolicy};
+pub use guard::Guard;
 pub use limits::{HttpLimits, ServerTimeouts};
 pub use openapi::openapi;
 pub use problem::{Problem, ProblemDocument, ProblemType};

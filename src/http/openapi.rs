@@ -7,7 +7,10 @@ use serde_json::{Map, Value, json};
 use utoipa::OpenApi;
 use utoipa::openapi::{ContentBuilder, Ref, RefOr, Response, ResponseBuilder};
 
-use super::problem::{ProblemDocument, ProblemType};
+use super::problem::{
+    FOREIGN_ORIGIN, INSUFFICIENT_SCOPE, ProblemDocument, ProblemType, TOO_MANY_REQUESTS,
+    UNAUTHORIZED,
+};
 use super::router::routes;
 use crate::draft;
 use drawing::DrawOptions;
@@ -25,6 +28,7 @@ use sheet::SheetDocument;
         (name = "reconstructions", description = "Sheets on their way to a draft"),
         (name = "artifacts", description = "What came out"),
         (name = "sheets", description = "Sheets drawn from 3D models, with their truth"),
+        (name = "admin", description = "Tenants and keys, for keys of the scope admin"),
         (name = "service", description = "The service itself"),
     )
 )]
@@ -86,6 +90,7 @@ pub fn openapi() -> Value {
     describe_other_errors(&mut document);
     tell_head_from_get(&mut document);
     describe_uploads(&mut document);
+    describe_access(&mut document);
     for (name, schema) in foreign_schemas() {
         document["components"]["schemas"][name] = schema;
     }
@@ -106,7 +111,8 @@ fn foreign_schemas() -> Map<String, Value> {
         ("Upload", upload_schema()),
         ("ModelUpload", model_upload_schema()),
     ];
-    let component = |(name, mut schema): (&str, Value)| {
+    let component = |(name, schema): (&str, Value)| {
+        let mut schema = options::with_enums(&schema);
         if let Some(schema) = schema.as_object_mut() {
             schema.remove("$schema");
         }
@@ -134,6 +140,10 @@ fn upload_schema() -> Value {
                 "description": "The azimuths of the page's figures in reading order, degrees; `auto` guesses them."},
             "source": {"type": "string", "format": "uuid",
                 "description": "An earlier reconstruction: its views are taken again, and its options for those not given."},
+            "view": {"type": "array", "items": picture,
+                "description": "Drawings at any angles: repeated, each with a part `azimuth_deg` in the same order. The same as parts `view[AZIMUTH]`, for clients whose parts must have names known beforehand."},
+            "azimuth_deg": {"type": "array", "items": {"type": "number"},
+                "description": "The azimuths of the parts `view`, degrees, in their order."},
             "view[0]": picture, "view[45]": picture, "view[90]": picture,
         },
         "patternProperties": {
@@ -219,6 +229,39 @@ fn describe_uploads(document: &mut Value) {
             },
         },
     });
+}
+
+/// Which operations need a key, and what they answer without.
+fn describe_access(document: &mut Value) {
+    document["servers"] = json!([{"url": "/", "description": "Where the description is"}]);
+    document["components"]["securitySchemes"]["key"] = json!({
+        "type": "http",
+        "scheme": "bearer",
+        "description": "A key, as `turnaround keys create` makes it. A service on the loopback that has no keys needs none."
+    });
+    document["security"] = json!([{"key": []}]);
+    let Some(paths) = document["paths"].as_object_mut() else { return };
+    for (path, item) in paths {
+        let is_closed = path.starts_with("/v1/") || path == "/metrics";
+        for operation in item.as_object_mut().into_iter().flat_map(Map::values_mut) {
+            if !is_closed {
+                operation["security"] = json!([]);
+                continue;
+            }
+            let refusals = [UNAUTHORIZED, INSUFFICIENT_SCOPE, FOREIGN_ORIGIN, TOO_MANY_REQUESTS];
+            for (status, refusal) in responses_of(&refusals) {
+                let known = &mut operation["responses"][&status];
+                let refusal = serde_json::to_value(refusal).unwrap_or_default();
+                match known["description"].as_str() {
+                    None => *known = refusal,
+                    Some(told) => {
+                        let more = refusal["description"].as_str().unwrap_or_default();
+                        known["description"] = format!("{told}\n\n{more}").into();
+                    }
+                }
+            }
+        }
+    }
 }
 
 /// OpenAPI has no parameters with slashes; it is named like any other.

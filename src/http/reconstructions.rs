@@ -2,8 +2,9 @@
 
 use std::sync::Arc;
 
-use axum::extract::rejection::QueryRejection;
-use axum::extract::{Query, Request, State};
+use axum::Json;
+use axum::extract::rejection::JsonRejection;
+use axum::extract::{Request, State};
 use axum::http::{HeaderMap, Method, StatusCode};
 use axum::response::Response;
 
@@ -13,7 +14,8 @@ use super::events;
 use super::openapi::problem_responses;
 use super::problem::*;
 use super::representation::{ArtifactList, Reconstruction, ReconstructionList};
-use super::resource::{self, Id, ListParameters, Resource};
+use super::resource::{self, Id, ListParameters, Listing, Resource};
+use super::tags::Changes;
 use super::upload::{self, Parts};
 use crate::kinds::RECONSTRUCTION;
 
@@ -34,13 +36,16 @@ problem_responses! {
         MISSING_PART, UNKNOWN_PART, DUPLICATE_PART, CONFLICTING_PARTS, MISSING_FILE,
         DUPLICATE_AZIMUTH, INVALID_ANGLE, DIFFERING_SIZES, EMPTY_FILE, NO_FIGURE,
         WRONG_NUMBER_OF_FIGURES, NOT_AN_IMAGE, DAMAGED_IMAGE,
-        INVALID_SHEET, INVALID_TRUTH, UNKNOWN_OPTION, INVALID_OPTION, UNKNOWN_SOURCE, REQUEST_TIMEOUT,
-        BUSY, UNAVAILABLE
+        INVALID_SHEET, JOB_TOO_LARGE, INVALID_TRUTH, UNKNOWN_OPTION, INVALID_OPTION, UNKNOWN_SOURCE, REQUEST_TIMEOUT,
+        BUSY, UNAVAILABLE, INSUFFICIENT_STORAGE, INVALID_QUERY,
+        INVALID_IDEMPOTENCY_KEY, IDEMPOTENCY_KEY_REUSED, IDEMPOTENT_JOB_GONE, TOO_MANY_JOBS
 }
 problem_responses! { JobProblems: UNKNOWN_RECONSTRUCTION, UNAVAILABLE }
+problem_responses! { StreamProblems: UNKNOWN_RECONSTRUCTION, BUSY, UNAVAILABLE }
 problem_responses! { ListProblems: INVALID_QUERY, UNAVAILABLE }
 problem_responses! { CancelProblems: UNKNOWN_RECONSTRUCTION, ALREADY_FINISHED, UNAVAILABLE }
-problem_responses! { DeleteProblems: UNKNOWN_RECONSTRUCTION, STILL_RUNNING, UNAVAILABLE }
+problem_responses! { DeleteProblems: UNKNOWN_RECONSTRUCTION, UNAVAILABLE }
+problem_responses! { PatchProblems: UNKNOWN_RECONSTRUCTION, INVALID_BODY, UNAVAILABLE }
 problem_responses! {
     ArtifactProblems: UNKNOWN_RECONSTRUCTION, UNKNOWN_ARTIFACT, PRECONDITION_FAILED,
         RANGE_NOT_SATISFIABLE, UNAVAILABLE
@@ -54,6 +59,18 @@ problem_responses! {
     path = "/v1/reconstructions",
     operation_id = "create",
     tag = "reconstructions",
+    params(
+        ("priority" = Option<i32>, Query, minimum = -100, maximum = 100,
+         description = "Runs before others of its tenant that have a lower one; 0 if not given"),
+        ("name" = Option<String>, Query, max_length = 200, description = "What people call it"),
+        ("labels" = Option<String>, Query, example = "show:7,shot:12",
+         description = "What it is found by: NAME:TEXT pairs, 16 at most"),
+        ("expires_in" = Option<i64>, Query, minimum = 0, maximum = 316_224_000,
+         description = "Seconds until it is deleted by itself, once it has ended"),
+        ("pinned" = Option<bool>, Query, description = "Whether it stays although its time is over"),
+        ("Idempotency-Key" = Option<String>, Header, max_length = 255, example = "8e03978e-40d5",
+         description = "A name for this upload: sent again within a day with the same key, it is answered as the first time and becomes no second job"),
+    ),
     request_body(content = ref("#/components/schemas/Upload"), content_type = "multipart/form-data"),
     responses(
         (status = 202, description = "Queued", body = Reconstruction,
@@ -84,11 +101,10 @@ pub(super) async fn create(
 )]
 pub(super) async fn list(
     State(api): State<Arc<Api>>,
-    query: Result<Query<ListParameters>, QueryRejection>,
+    listing: Listing,
 ) -> Result<Response, Problem> {
-    resource::list::<Reconstructions, _>(&api, query, |reconstructions, next| ReconstructionList {
-        reconstructions,
-        next,
+    resource::list::<Reconstructions, _>(&api, listing, |reconstructions, next| {
+        ReconstructionList { reconstructions, next }
     })
     .await
 }
@@ -144,7 +160,7 @@ pub(super) async fn get(
         (status = 200, description = "Events, until the final one", body = String,
          content_type = "text/event-stream"),
         (status = 204, description = "The final event was received already"),
-        JobProblems,
+        StreamProblems,
     )
 )]
 pub(super) async fn events(
@@ -184,13 +200,35 @@ pub(super) async fn cancel(
     operation_id = "delete",
     tag = "reconstructions",
     params(("id" = String, Path, format = "uuid", description = "The reconstruction")),
-    responses((status = 204, description = "Deleted"), DeleteProblems)
+    responses((status = 204, description = "Deleted"),
+              (status = 202, description = "Cancelled, and deleted when it has stopped"), DeleteProblems)
 )]
 pub(super) async fn delete(
     State(api): State<Arc<Api>>,
     id: Id<Reconstructions>,
 ) -> Result<StatusCode, Problem> {
     resource::delete::<Reconstructions>(&api, id.0).await
+}
+
+/// Change the name, labels and time to stay of a reconstruction.
+#[utoipa::path(
+    patch,
+    path = "/v1/reconstructions/{id}",
+    operation_id = "patch",
+    tag = "reconstructions",
+    params(("id" = String, Path, format = "uuid", description = "The reconstruction")),
+    request_body = Changes,
+    responses(
+        (status = 200, description = "As it is now", body = Reconstruction, headers(("ETag" = String))),
+        PatchProblems,
+    )
+)]
+pub(super) async fn patch(
+    State(api): State<Arc<Api>>,
+    id: Id<Reconstructions>,
+    changes: Result<Json<Changes>, JsonRejection>,
+) -> Result<Response, Problem> {
+    resource::patch::<Reconstructions>(&api, id.0, Changes::read(changes)?).await
 }
 
 /// List the results of a reconstruction.

@@ -1,5 +1,7 @@
 //! Jobs as clients see them.
 
+use std::collections::BTreeMap;
+
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -19,7 +21,7 @@ use sheet::{SheetDocument, ViewDocument};
 #[expect(missing_docs, reason = "the schema describes it")]
 pub struct Reconstruction {
     pub id: Uuid,
-    /// The sheet's own name, where its document has one.
+    /// What people call it; at first the name that the sheet document has.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
     /// The earlier reconstruction whose views it takes.
@@ -49,6 +51,15 @@ pub struct JobStatus {
     /// How often it was begun; it is begun again if its worker dies.
     pub attempt: u32,
     pub max_attempts: u32,
+    /// Those with a higher one run before others of their tenant.
+    pub priority: i32,
+    /// What it is found by.
+    pub labels: BTreeMap<String, String>,
+    /// When it is deleted by itself, unless it is pinned; null keeps it.
+    #[schema(value_type = Option<String>, format = DateTime)]
+    pub expires_at: Option<Timestamp>,
+    /// Whether it stays although its time is over.
+    pub pinned: bool,
     /// Whether somebody asked to cancel it.
     pub cancel_requested: bool,
     /// How far the current attempt is; never goes back within an attempt.
@@ -182,7 +193,7 @@ impl From<&Job> for Reconstruction {
         let options = document.options.clone().unwrap_or_default();
         Self {
             id: job.id.0,
-            name: document.name.clone(),
+            name: job.tags.name.clone().or(document.name.clone()),
             source,
             method: options["method"].as_str().map(str::to_owned),
             options,
@@ -201,6 +212,10 @@ impl From<&Job> for JobStatus {
             state: job.state.into(),
             attempt: job.attempt,
             max_attempts: job.max_attempts,
+            priority: job.priority,
+            labels: job.tags.labels.clone(),
+            expires_at: job.tags.expires_at,
+            pinned: job.tags.pinned,
             cancel_requested: job.cancel_requested,
             progress: job.progress.clone().and_then(|value| serde_json::from_value(value).ok()),
             failure: job.failure.clone().map(FailureReason::from),

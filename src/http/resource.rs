@@ -1,6 +1,8 @@
 //! What the kinds of jobs have in common as resources of the interface.
 
+use std::collections::BTreeMap;
 use std::marker::PhantomData;
+use std::sync::Arc;
 
 use axum::Json;
 use axum::extract::rejection::{PathRejection, QueryRejection};
@@ -9,13 +11,16 @@ use axum::http::request::Parts;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum_extra::headers::{ETag, HeaderMapExt};
+use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use utoipa::IntoParams;
 
 use super::Api;
+use super::access::Caller;
 use super::conditional::{PREFERENCE_APPLIED, is_known, preferred_wait};
 use super::problem::{INVALID_QUERY, Problem, ProblemType};
 use super::representation::State as JobStateName;
+use super::tags::{Changes, pairs};
 use super::wait::wait_until;
 use jobs::{Job, JobId, ListQuery, StoreError};
 
@@ -43,8 +48,15 @@ pub(super) trait Resource: Send + Sync + 'static {
     }
 }
 
-/// The id of an `R` in the path. What is no id names none.
-pub(super) struct Id<R>(pub JobId, PhantomData<R>);
+/// The id of an `R` in the path, and who asks for it. What is no id names none.
+pub(super) struct Id<R>(pub OwnedId, PhantomData<R>);
+
+/// A job that somebody asks for: only [`find`] tells whether it is theirs.
+#[derive(Clone, Debug)]
+pub(super) struct OwnedId {
+    pub id: JobId,
+    pub caller: Arc<Caller>,
+}
 
 impl<R: Resource> Id<R> {
     pub(super) fn parse(text: &str) -> Result<JobId, Problem> {
@@ -61,17 +73,25 @@ impl<R: Resource, S: Send + Sync> FromRequestParts<S> for Id<R> {
     async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Problem> {
         let id: Result<Path<String>, PathRejection> = Path::from_request_parts(parts, state).await;
         let Path(id) = id.map_err(|error| Problem::new(R::UNKNOWN, error.body_text()))?;
-        Ok(Self(Self::parse(&id)?, PhantomData))
+        Ok(Self(OwnedId { id: Self::parse(&id)?, caller: Caller::of(parts)? }, PhantomData))
     }
 }
 
 /// Which jobs to list.
-#[derive(Debug, Deserialize, IntoParams)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(super) struct ListParameters {
     /// Only those in this state.
     state: Option<JobStateName>,
+    /// Only those that have all of these labels: `show:7,shot:12`.
+    labels: Option<String>,
+    /// Only those sent at this time or later (RFC 3339).
+    #[param(value_type = Option<String>, format = DateTime)]
+    created_from: Option<Timestamp>,
+    /// Only those sent before this time.
+    #[param(value_type = Option<String>, format = DateTime)]
+    created_before: Option<Timestamp>,
     /// At most this many.
     #[param(minimum = 1, maximum = 100, default = 20)]
     limit: Option<u32>,
@@ -79,10 +99,29 @@ pub(super) struct ListParameters {
     cursor: Option<String>,
 }
 
-/// The job with this id, if it is an `R`.
-pub(super) async fn find<R: Resource>(api: &Api, id: JobId) -> Result<Job, Problem> {
-    let job = api.state.store.get(id).await.map_err(store_problem::<R>)?;
-    if job.kind == R::KIND { Ok(job) } else { Err(unknown::<R>(id)) }
+/// Which jobs to list, and whose.
+pub(super) struct Listing {
+    parameters: ListParameters,
+    caller: Arc<Caller>,
+}
+
+impl<S: Send + Sync> FromRequestParts<S> for Listing {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Problem> {
+        let query: Result<Query<ListParameters>, QueryRejection> = Query::try_from_uri(&parts.uri);
+        let Query(parameters) =
+            query.map_err(|error| Problem::new(INVALID_QUERY, error.body_text()))?;
+        Ok(Self { parameters, caller: Caller::of(parts)? })
+    }
+}
+
+/// The job that is asked for, if it is an `R` of the tenant that asks. Others
+/// are told nothing, not even that it is there.
+pub(super) async fn find<R: Resource>(api: &Api, asked: &OwnedId) -> Result<Job, Problem> {
+    let job = api.state.store.get(asked.id).await.map_err(store_problem::<R>)?;
+    let is_theirs = job.kind == R::KIND && job.tenant == asked.caller.tenant;
+    if is_theirs { Ok(job) } else { Err(unknown::<R>(asked.id)) }
 }
 
 fn unknown<R: Resource>(id: JobId) -> Problem {
@@ -99,7 +138,9 @@ fn store_problem<R: Resource>(error: StoreError) -> Problem {
 /// The answer to an upload that has become a job.
 pub(super) fn accepted<R: Resource>(job: &Job) -> Result<Response, Problem> {
     tracing::info!(id = %job.id, kind = job.kind, "queued");
-    let mut response = (StatusCode::ACCEPTED, Json(R::View::from(job))).into_response();
+    // One that was sent before is answered as it was then.
+    let mut response =
+        (StatusCode::ACCEPTED, Json(R::View::from(&job.as_enqueued()))).into_response();
     let location = HeaderValue::from_str(&R::path(job.id))
         .map_err(|error| Problem::internal("location", &error))?;
     response.headers_mut().insert(header::LOCATION, location);
@@ -112,11 +153,9 @@ pub(super) fn accepted<R: Resource>(job: &Job) -> Result<Response, Problem> {
 /// * `body`: makes the document of the jobs and the URI of the next part.
 pub(super) async fn list<R: Resource, B: Serialize>(
     api: &Api,
-    query: Result<Query<ListParameters>, QueryRejection>,
+    Listing { parameters, caller }: Listing,
     body: impl FnOnce(Vec<R::View>, Option<String>) -> B,
 ) -> Result<Response, Problem> {
-    let Query(parameters) =
-        query.map_err(|error| Problem::new(INVALID_QUERY, error.body_text()))?;
     let limit = parameters.limit.unwrap_or(DEFAULT_LIMIT);
     if !(1..=MAX_LIMIT).contains(&limit) {
         let detail = format!("`limit` is {limit}; give 1 to {MAX_LIMIT}");
@@ -124,9 +163,21 @@ pub(super) async fn list<R: Resource, B: Serialize>(
     }
     let before = parameters.cursor.as_deref().map(cursor).transpose()?;
     let state = parameters.state.map(Into::into);
-    let query = ListQuery { kind: Some(R::KIND.to_owned()), state, before, limit };
+    let tenant = Some(caller.tenant.clone());
+    let labels = parameters.labels.as_deref();
+    let labels = labels.map_or_else(|| Ok(BTreeMap::new()), |it| pairs(it, INVALID_QUERY))?;
+    let query = ListQuery {
+        tenant,
+        kind: Some(R::KIND.to_owned()),
+        state,
+        labels,
+        created_from: parameters.created_from,
+        created_before: parameters.created_before,
+        before,
+        limit,
+    };
     let page = api.state.store.list(&query).await?;
-    let next = page.next.map(|id| next_uri::<R>(parameters.state, limit, id));
+    let next = page.next.map(|id| next_uri::<R>(&parameters, limit, id));
     let link = next
         .as_ref()
         .and_then(|next| HeaderValue::from_str(&format!("<{next}>; rel=\"next\"")).ok());
@@ -145,17 +196,23 @@ fn cursor(text: &str) -> Result<JobId, Problem> {
     })
 }
 
-fn next_uri<R: Resource>(state: Option<JobStateName>, limit: u32, cursor: JobId) -> String {
-    let state = state.and_then(|state| serde_json::to_value(state).ok());
-    let state = state.as_ref().and_then(|state| state.as_str());
-    let state = state.map(|state| format!("state={state}&")).unwrap_or_default();
-    format!("{}?{state}limit={limit}&cursor={cursor}", R::PATH)
+/// The same list from `cursor` on.
+fn next_uri<R: Resource>(parameters: &ListParameters, limit: u32, cursor: JobId) -> String {
+    let mut query = form_urlencoded::Serializer::new(String::new());
+    let given = serde_json::to_value(parameters).unwrap_or_default();
+    for (name, value) in given.as_object().into_iter().flatten() {
+        if let Some(text) = value.as_str().filter(|_| name != "cursor") {
+            query.append_pair(name, text);
+        }
+    }
+    query.append_pair("limit", &limit.to_string()).append_pair("cursor", &cursor.to_string());
+    format!("{}?{}", R::PATH, query.finish())
 }
 
 /// Answers one job, at once or when it has changed or finished.
 pub(super) async fn get<R: Resource>(
     api: &Api,
-    id: JobId,
+    asked: OwnedId,
     headers: &HeaderMap,
 ) -> Result<Response, Problem> {
     let wait = preferred_wait(headers);
@@ -164,8 +221,8 @@ pub(super) async fn get<R: Resource>(
         job.state.is_final() || (is_conditional && !is_known(headers, &version_of(job)))
     };
     let job = match wait {
-        Some(wait) => wait_until::<R>(api, id, wait, is_reached).await?,
-        None => find::<R>(api, id).await?,
+        Some(wait) => wait_until::<R>(api, &asked, wait, is_reached).await?,
+        None => find::<R>(api, &asked).await?,
     };
     let mut response = unless_known(headers, &job, || R::View::from(&job));
     let answer = response.headers_mut();
@@ -206,17 +263,41 @@ fn version_of(job: &Job) -> ETag {
 }
 
 /// Asks for cancellation.
-pub(super) async fn cancel<R: Resource>(api: &Api, id: JobId) -> Result<Response, Problem> {
-    find::<R>(api, id).await?;
+pub(super) async fn cancel<R: Resource>(api: &Api, asked: OwnedId) -> Result<Response, Problem> {
+    let id = find::<R>(api, &asked).await?.id;
     let job = api.state.store.request_cancel(id).await.map_err(store_problem::<R>)?;
     let status = if job.state.is_final() { StatusCode::OK } else { StatusCode::ACCEPTED };
     Ok((status, Json(R::View::from(&job))).into_response())
 }
 
-/// Deletes a job with its bytes.
-pub(super) async fn delete<R: Resource>(api: &Api, id: JobId) -> Result<StatusCode, Problem> {
-    find::<R>(api, id).await?;
-    api.state.store.delete(id).await.map_err(store_problem::<R>)?;
+/// Changes what people say of a job.
+pub(super) async fn patch<R: Resource>(
+    api: &Api,
+    asked: OwnedId,
+    changes: Changes,
+) -> Result<Response, Problem> {
+    let job = find::<R>(api, &asked).await?;
+    let tags = changes.over(job.tags, Timestamp::now())?;
+    let job = api.state.store.tag(job.id, &tags).await.map_err(store_problem::<R>)?;
+    let mut response = Json(R::View::from(&job)).into_response();
+    response.headers_mut().typed_insert(version_of(&job));
+    Ok(response)
+}
+
+/// Deletes a job with its bytes; one that runs is cancelled, and goes when its
+/// attempt has ended.
+pub(super) async fn delete<R: Resource>(api: &Api, asked: OwnedId) -> Result<StatusCode, Problem> {
+    let id = find::<R>(api, &asked).await?.id;
+    match api.state.store.delete(id).await {
+        Err(StoreError::Running { .. }) => {
+            if api.state.store.delete_when_ended(id).await.map_err(store_problem::<R>)? {
+                return Ok(StatusCode::ACCEPTED);
+            }
+            // It ended meanwhile.
+            api.state.store.delete(id).await.map_err(store_problem::<R>)?;
+        }
+        deleted => deleted.map_err(store_problem::<R>)?,
+    }
     if let Err(error) = api.state.bytes.delete_job(id).await {
         // The row is gone; the collector of ownerless bytes takes the rest.
         tracing::warn!(%id, %error, "bytes of a deleted job stay for now");

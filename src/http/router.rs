@@ -6,6 +6,7 @@ use std::time::Duration;
 use axum::Router;
 use axum::extract::DefaultBodyLimit;
 use axum::http::{Method, StatusCode, Uri};
+use axum::middleware::from_fn_with_state;
 use tower_http::compression::CompressionLayer;
 use tower_http::timeout::TimeoutLayer;
 use utoipa::OpenApi;
@@ -17,11 +18,14 @@ use super::layers;
 use super::openapi::Description;
 use super::problem::{METHOD_NOT_ALLOWED, NOT_FOUND, Problem};
 use super::state::{Api, ApiState};
-use super::{HttpLimits, health, pages, reconstructions, sheets};
+use super::{HttpLimits, access, guard, health, pages, reconstructions, sheets};
 
 /// The whole interface over `state`.
 pub fn router(state: ApiState, limits: &HttpLimits) -> Router {
-    let cors = layers::cors(&state.cors_origins);
+    let cors = layers::cors(&state.guard.origins);
+    let gate = Arc::new(access::Gate::new(state.access.clone()));
+    let gate = from_fn_with_state(gate, access::admit);
+    let guard = from_fn_with_state(Arc::new(state.guard.clone()), guard::check);
     let within =
         |time: Duration| TimeoutLayer::with_status_code(StatusCode::SERVICE_UNAVAILABLE, time);
     let answer = limits.answer_timeout;
@@ -41,7 +45,9 @@ pub fn router(state: ApiState, limits: &HttpLimits) -> Router {
         .fallback(nothing_here)
         .method_not_allowed_fallback(wrong_method)
         // Uploads have limits of their own; nothing else has a body.
-        .layer(DefaultBodyLimit::max(64 << 10));
+        .layer(DefaultBodyLimit::max(64 << 10))
+        .layer(gate)
+        .layer(guard);
     layers::wrap(router, cors).with_state(Api::new(state, *limits))
 }
 
@@ -59,10 +65,12 @@ fn quick_routes() -> OpenApiRouter<Arc<Api>> {
     OpenApiRouter::new()
         .routes(paths!(reconstructions::list))
         .routes(paths!(reconstructions::delete))
+        .routes(paths!(reconstructions::patch))
         .routes(paths!(reconstructions::cancel))
         .routes(paths!(reconstructions::artifacts))
         .routes(paths!(sheets::list))
         .routes(paths!(sheets::delete))
+        .routes(paths!(sheets::patch))
         .routes(paths!(sheets::cancel))
         .routes(paths!(sheets::artifacts))
         .routes(paths!(pages::options))
@@ -70,6 +78,13 @@ fn quick_routes() -> OpenApiRouter<Arc<Api>> {
         .routes(paths!(pages::description))
         .routes(paths!(pages::problems))
         .routes(paths!(pages::problem))
+        .routes(paths!(access::create_tenant))
+        .routes(paths!(access::tenants))
+        .routes(paths!(access::limit_tenant))
+        .routes(paths!(access::delete_tenant))
+        .routes(paths!(access::create_key))
+        .routes(paths!(access::keys))
+        .routes(paths!(access::revoke_key))
         .routes(paths!(health::live))
         .routes(paths!(health::ready))
         .routes(paths!(health::metrics))

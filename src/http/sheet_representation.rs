@@ -21,6 +21,10 @@ use jobs::Job;
     "state": "running",
     "attempt": 1,
     "max_attempts": 3,
+    "priority": 0,
+    "labels": {"show": "7"},
+    "expires_at": null,
+    "pinned": false,
     "cancel_requested": false,
     "progress": {"stage": "views", "done": 1, "total": 3, "fraction": 0.25},
     "failure": null,
@@ -39,6 +43,9 @@ use jobs::Job;
 }))]
 pub(super) struct Sheet {
     pub id: Uuid,
+    /// What people call it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
     pub model: SheetModel,
     /// The views, degrees in [0, 360), rising.
     pub azimuths_deg: Vec<f64>,
@@ -112,6 +119,7 @@ impl From<&Job> for Sheet {
         let options = payload.as_ref().and_then(|p| serde_json::to_value(&p.options).ok());
         Self {
             id: job.id.0,
+            name: job.tags.name.clone(),
             model: payload.as_ref().map(|p| SheetModel::from(&p.model)).unwrap_or_default(),
             azimuths_deg: payload.map(|p| p.azimuths_deg).unwrap_or_default(),
             options: options.unwrap_or_default(),

@@ -2,8 +2,9 @@
 
 use std::sync::Arc;
 
-use axum::extract::rejection::QueryRejection;
-use axum::extract::{Query, Request, State};
+use axum::Json;
+use axum::extract::rejection::JsonRejection;
+use axum::extract::{Request, State};
 use axum::http::{HeaderMap, Method, StatusCode};
 use axum::response::Response;
 
@@ -13,8 +14,9 @@ use super::events;
 use super::openapi::problem_responses;
 use super::problem::*;
 use super::representation::ArtifactList;
-use super::resource::{self, Id, ListParameters, Resource};
+use super::resource::{self, Id, ListParameters, Listing, Resource};
 use super::sheet_representation::{Sheet, SheetList};
+use super::tags::Changes;
 use super::upload::{self, ModelForm};
 use crate::kinds::DRAWING;
 
@@ -35,12 +37,15 @@ problem_responses! {
         DUPLICATE_PART, INVALID_ANGLE, EMPTY_FILE, UNKNOWN_MODEL, UNKNOWN_MODEL_FORMAT,
         INVALID_MODEL, UNSUPPORTED_MODEL, EXTERNAL_REFERENCE, CAMERA_INSIDE_MODEL,
         TOO_MANY_VIEWS, SHEET_TOO_LARGE, UNKNOWN_OPTION, INVALID_OPTION, REQUEST_TIMEOUT, BUSY,
-        UNAVAILABLE
+        UNAVAILABLE, INSUFFICIENT_STORAGE, INVALID_QUERY, INVALID_IDEMPOTENCY_KEY,
+        IDEMPOTENCY_KEY_REUSED, IDEMPOTENT_JOB_GONE, TOO_MANY_JOBS
 }
 problem_responses! { JobProblems: UNKNOWN_SHEET, UNAVAILABLE }
+problem_responses! { StreamProblems: UNKNOWN_SHEET, BUSY, UNAVAILABLE }
 problem_responses! { ListProblems: INVALID_QUERY, UNAVAILABLE }
 problem_responses! { CancelProblems: UNKNOWN_SHEET, ALREADY_FINISHED, UNAVAILABLE }
-problem_responses! { DeleteProblems: UNKNOWN_SHEET, STILL_RUNNING, UNAVAILABLE }
+problem_responses! { DeleteProblems: UNKNOWN_SHEET, UNAVAILABLE }
+problem_responses! { PatchProblems: UNKNOWN_SHEET, INVALID_BODY, UNAVAILABLE }
 problem_responses! {
     ArtifactProblems: UNKNOWN_SHEET, UNKNOWN_ARTIFACT, PRECONDITION_FAILED,
         RANGE_NOT_SATISFIABLE, UNAVAILABLE
@@ -55,6 +60,18 @@ problem_responses! {
     path = "/v1/sheets",
     operation_id = "create_sheet",
     tag = "sheets",
+    params(
+        ("priority" = Option<i32>, Query, minimum = -100, maximum = 100,
+         description = "Runs before others of its tenant that have a lower one; 0 if not given"),
+        ("name" = Option<String>, Query, max_length = 200, description = "What people call it"),
+        ("labels" = Option<String>, Query, example = "show:7,shot:12",
+         description = "What it is found by: NAME:TEXT pairs, 16 at most"),
+        ("expires_in" = Option<i64>, Query, minimum = 0, maximum = 316_224_000,
+         description = "Seconds until it is deleted by itself, once it has ended"),
+        ("pinned" = Option<bool>, Query, description = "Whether it stays although its time is over"),
+        ("Idempotency-Key" = Option<String>, Header, max_length = 255, example = "8e03978e-40d5",
+         description = "A name for this upload: sent again within a day with the same key, it is answered as the first time and becomes no second job"),
+    ),
     request_body(content = ref("#/components/schemas/ModelUpload"), content_type = "multipart/form-data"),
     responses(
         (status = 202, description = "Queued", body = Sheet,
@@ -85,9 +102,9 @@ pub(super) async fn create(
 )]
 pub(super) async fn list(
     State(api): State<Arc<Api>>,
-    query: Result<Query<ListParameters>, QueryRejection>,
+    listing: Listing,
 ) -> Result<Response, Problem> {
-    resource::list::<Sheets, _>(&api, query, |sheets, next| SheetList { sheets, next }).await
+    resource::list::<Sheets, _>(&api, listing, |sheets, next| SheetList { sheets, next }).await
 }
 
 /// Get a drawn sheet.
@@ -136,7 +153,7 @@ pub(super) async fn get(
         (status = 200, description = "Events, until the final one", body = String,
          content_type = "text/event-stream"),
         (status = 204, description = "The final event was received already"),
-        JobProblems,
+        StreamProblems,
     )
 )]
 pub(super) async fn events(
@@ -176,13 +193,35 @@ pub(super) async fn cancel(
     operation_id = "delete_sheet",
     tag = "sheets",
     params(("id" = String, Path, format = "uuid", description = "The sheet")),
-    responses((status = 204, description = "Deleted"), DeleteProblems)
+    responses((status = 204, description = "Deleted"),
+              (status = 202, description = "Cancelled, and deleted when it has stopped"), DeleteProblems)
 )]
 pub(super) async fn delete(
     State(api): State<Arc<Api>>,
     id: Id<Sheets>,
 ) -> Result<StatusCode, Problem> {
     resource::delete::<Sheets>(&api, id.0).await
+}
+
+/// Change the name, labels and time to stay of a sheet.
+#[utoipa::path(
+    patch,
+    path = "/v1/sheets/{id}",
+    operation_id = "patch_sheet",
+    tag = "sheets",
+    params(("id" = String, Path, format = "uuid", description = "The sheet")),
+    request_body = Changes,
+    responses(
+        (status = 200, description = "As it is now", body = Sheet, headers(("ETag" = String))),
+        PatchProblems,
+    )
+)]
+pub(super) async fn patch(
+    State(api): State<Arc<Api>>,
+    id: Id<Sheets>,
+    changes: Result<Json<Changes>, JsonRejection>,
+) -> Result<Response, Problem> {
+    resource::patch::<Sheets>(&api, id.0, Changes::read(changes)?).await
 }
 
 /// List the files of a sheet.

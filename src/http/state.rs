@@ -3,10 +3,12 @@
 use std::sync::Arc;
 
 use metrics_exporter_prometheus::PrometheusHandle;
+use tokio::sync::Semaphore;
 use tokio_util::sync::CancellationToken;
 
-use super::HttpLimits;
+use super::streams::Streams;
 use super::upload::{Budget, Decoders};
+use super::{Access, Guard, HttpLimits};
 use jobs::JobStore;
 use jobs::bytes::ByteStore;
 
@@ -21,8 +23,12 @@ pub struct ApiState {
     pub metrics: PrometheusHandle,
     /// How often each job may be tried.
     pub max_attempts: u32,
-    /// Origins whose pages may use the service; `*` for all.
-    pub cors_origins: Vec<String>,
+    /// Who may use the service.
+    pub access: Access,
+    /// Which requests are meant for the service.
+    pub guard: Guard,
+    /// Uploads are refused and readiness denied: the service is about to stop.
+    pub draining: CancellationToken,
     /// Ends event streams and long polls.
     pub shutdown: CancellationToken,
 }
@@ -33,6 +39,9 @@ pub(super) struct Api {
     pub limits: HttpLimits,
     pub budget: Budget,
     pub decoders: Decoders,
+    /// Uploads whose parts are being held against each other.
+    pub checks: Semaphore,
+    pub streams: Streams,
 }
 
 impl Api {
@@ -40,6 +49,8 @@ impl Api {
         // One upload of the largest size must always fit.
         let budget = Budget::new(limits.max_upload_memory_bytes.max(limits.max_body_bytes));
         let decoders = Decoders::new(limits.concurrent_decodes);
-        Arc::new(Self { state, limits, budget, decoders })
+        let checks = Semaphore::new(2 * limits.concurrent_decodes.max(1));
+        let streams = Streams::new(limits.max_streams);
+        Arc::new(Self { state, limits, budget, decoders, checks, streams })
     }
 }

@@ -5,5 +5,5 @@ mod reconstruction;
 
 pub use self::drawing::{DRAWING, DrawPayload, ModelFile, ModelSource};
 pub use reconstruction::{
-    FitSummary, RECONSTRUCTION, ReconstructionPayload, ReconstructionSummary,
+    FitSummary, MATCHES_INPUT, RECONSTRUCTION, ReconstructionPayload, ReconstructionSummary,
 };

@@ -9,6 +9,10 @@ use sheet::SheetDocument;
 /// The kind of jobs that reconstruct a sheet.
 pub const RECONSTRUCTION: &str = "reconstruction";
 
+/// The input that holds the matches of a sheet: a list of
+/// [`sheet::PairMatchesDocument`].
+pub const MATCHES_INPUT: &str = "matches.json";
+
 /// What a reconstruction job needs apart from its stored inputs. The image
 /// names of the document are the inputs' names.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -16,6 +20,10 @@ pub const RECONSTRUCTION: &str = "reconstruction";
 pub struct ReconstructionPayload {
     /// The sheet: its views, options and truth.
     pub document: SheetDocument,
+    /// Whether matches lie among the inputs, as [`MATCHES_INPUT`]: too large to
+    /// be read with every status.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub has_matches: bool,
     /// The earlier job whose inputs were taken over.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub source: Option<Uuid>,

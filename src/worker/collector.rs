@@ -29,6 +29,8 @@ pub struct Collected {
     pub jobs: u64,
     /// Attempts that lost their lease or broke.
     pub attempts: u64,
+    /// Jobs whose bytes are kept, though the store never heard of them.
+    pub unknown: u64,
 }
 
 /// Reaps and collects for ever, at once first.
@@ -43,12 +45,22 @@ pub(super) async fn keep(config: WorkerConfig, store: Arc<dyn JobStore>, bytes: 
             Ok(jobs) => tracing::warn!(jobs, "leases had ended"),
             Err(error) => tracing::error!(%error, "could not look for ended leases"),
         }
+        if let Err(error) = expire(store.as_ref(), &bytes).await {
+            tracing::error!(%error, "could not delete jobs whose time is over");
+        }
         if Instant::now() >= collect_at {
             collect_at = Instant::now() + config.collect_interval;
-            match collect(store.as_ref(), &bytes, Timestamp::now(), config.collect_after).await {
+            match collect(store.as_ref(), &bytes, &config).await {
                 Ok(done) if done == Collected::default() => {}
-                Ok(Collected { jobs, attempts }) => {
+                Ok(Collected { jobs, attempts, unknown }) => {
                     tracing::info!(jobs, attempts, "bytes collected");
+                    if unknown > 0 {
+                        tracing::warn!(
+                            unknown,
+                            "bytes of jobs that this database never knew are kept; put its latest \
+                             copy back, or have them deleted with --collect-unknown-after"
+                        );
+                    }
                 }
                 Err(error) => tracing::error!(%error, "could not collect bytes"),
             }
@@ -56,18 +68,26 @@ pub(super) async fn keep(config: WorkerConfig, store: Arc<dyn JobStore>, bytes: 
     }
 }
 
-/// Deletes the bytes of attempts that are over without being published, and of
-/// jobs that are not in the store.
+/// Deletes jobs whose time is over, with their bytes.
+async fn expire(store: &dyn JobStore, bytes: &ByteStore) -> Result<(), CollectError> {
+    for id in store.expire().await? {
+        tracing::info!(target: "audit", job = %id, "its time was over");
+        bytes.delete_job(id).await?;
+    }
+    Ok(())
+}
+
+/// Deletes the bytes of attempts that are over without being published, of jobs
+/// that were deleted, and of uploads that came to nothing.
 ///
-/// A job that is uploading is not in the store yet. It is told from one that
-/// never got there by age, for the upload may go through another process: all
-/// is left alone until both the job's name and its latest bytes are `min_age`
-/// old, so that an upload must not be silent or last longer than that.
+/// Only what the store once knew is deleted: it is told of jobs before their
+/// bytes are stored, and remembers those that were deleted. Whatever else there
+/// is belongs to another database or to a later state of this one, and goes
+/// after [`WorkerConfig::collect_unknown_after`] alone.
 pub async fn collect(
     store: &dyn JobStore,
     bytes: &ByteStore,
-    now: Timestamp,
-    min_age: Duration,
+    config: &WorkerConfig,
 ) -> Result<Collected, CollectError> {
     let mut collected = Collected::default();
     for id in bytes.jobs().await? {
@@ -81,39 +101,44 @@ pub async fn collect(
                     collected.attempts += 1;
                 }
             }
+            // Of the readiness probe, which writes it again and again.
+            Err(StoreError::NotFound(_)) if id.0.is_nil() => {}
             Err(StoreError::NotFound(_)) => {
-                if is_abandoned(bytes, id, now, min_age).await? {
+                let is_ours = store.is_ownerless(id, config.collect_after).await?;
+                if is_ours || is_abandoned(bytes, id, config.collect_unknown_after).await? {
                     bytes.delete_job(id).await?;
+                    store.forget_bytes(id).await?;
                     collected.jobs += 1;
+                } else if !store.is_ownerless(id, Duration::ZERO).await? {
+                    collected.unknown += 1;
                 }
             }
+            // Whatever it was, its bytes may be all that is left of it.
+            Err(StoreError::Unreadable(_)) => {}
             Err(error) => return Err(error.into()),
         }
     }
     Ok(collected)
 }
 
-/// Whether the bytes of `attempt` will never be published.
+/// Whether the bytes of `attempt` will never be published. A later attempt than
+/// the store knows of is one of a later state of it.
 fn is_over(job: &Job, attempt: u32) -> bool {
     match job.state {
-        JobState::Running | JobState::Succeeded => attempt != job.attempt,
-        JobState::Queued | JobState::Failed | JobState::Cancelled => true,
+        JobState::Running | JobState::Succeeded => attempt < job.attempt,
+        JobState::Queued | JobState::Failed | JobState::Cancelled => attempt <= job.attempt,
     }
 }
 
+/// Whether unknown bytes are as old as they may get.
 async fn is_abandoned(
     bytes: &ByteStore,
     id: JobId,
-    now: Timestamp,
-    min_age: Duration,
+    min_age: Option<Duration>,
 ) -> Result<bool, ByteError> {
-    let Some(oldest) =
-        SignedDuration::try_from(min_age).ok().and_then(|age| now.checked_sub(age).ok())
-    else {
-        return Ok(false);
-    };
-    if id.created_at().is_some_and(|created| created > oldest) {
-        return Ok(false);
-    }
+    let oldest = min_age
+        .and_then(|age| SignedDuration::try_from(age).ok())
+        .and_then(|age| Timestamp::now().checked_sub(age).ok());
+    let Some(oldest) = oldest else { return Ok(false) };
     Ok(bytes.last_written(id).await?.is_none_or(|written| written <= oldest))
 }

@@ -21,11 +21,16 @@ pub struct WorkerConfig {
     pub reap_interval: Duration,
     /// How often bytes that belong to no job or attempt are looked for.
     pub collect_interval: Duration,
-    /// Bytes of a job that is not in the store are left alone until both the
-    /// job's name and the bytes are this old: it may still be uploading.
+    /// Bytes of a job that is being uploaded are left alone for this long.
     pub collect_after: Duration,
+    /// Bytes of jobs that the store never heard of are deleted once they are
+    /// this old. `None` keeps them: a database that was lost or put back from a
+    /// copy does not know all that it should.
+    pub collect_unknown_after: Option<Duration>,
     /// The least time between two progress writes of a job.
     pub progress_interval: Duration,
+    /// How long one attempt at a job may take.
+    pub max_job_time: Duration,
     /// How long a job whose attempt broke waits for the next one.
     pub retry_pause: Duration,
 }
@@ -42,7 +47,9 @@ impl Default for WorkerConfig {
             reap_interval: Duration::from_secs(1),
             collect_interval: Duration::from_secs(600),
             collect_after: Duration::from_secs(3600),
+            collect_unknown_after: None,
             progress_interval: Duration::from_millis(100),
+            max_job_time: Duration::from_secs(600),
             retry_pause: Duration::from_secs(2),
         }
     }

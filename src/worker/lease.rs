@@ -21,6 +21,7 @@ pub(super) struct Heart {
     lease: Duration,
     heartbeat: Duration,
     cancel_poll: Duration,
+    max_job_time: Duration,
     state: Mutex<State>,
     stopped: Condvar,
 }
@@ -35,6 +36,7 @@ struct State {
 #[derive(Clone)]
 struct Beat {
     signal: Arc<Signal>,
+    claimed: Instant,
     renewed: Instant,
 }
 
@@ -46,6 +48,7 @@ impl Heart {
             lease: config.lease,
             heartbeat: config.heartbeat,
             cancel_poll: config.cancel_poll,
+            max_job_time: config.max_job_time,
             state: Mutex::default(),
             stopped: Condvar::new(),
         }
@@ -54,7 +57,7 @@ impl Heart {
     /// Keeps the lease of an attempt claimed at `claimed` until [`Self::forget`].
     pub(super) fn keep(&self, job: JobId, attempt: u32, claimed: Instant) -> Arc<Signal> {
         let signal = Arc::new(Signal::default());
-        let beat = Beat { signal: Arc::clone(&signal), renewed: claimed };
+        let beat = Beat { signal: Arc::clone(&signal), claimed, renewed: claimed };
         self.state().attempts.insert((job, attempt), beat);
         signal
     }
@@ -111,6 +114,9 @@ impl Heart {
 
     fn visit(&self, job: JobId, attempt: u32, beat: &Beat) {
         let asked = Instant::now();
+        if asked.duration_since(beat.claimed) >= self.max_job_time {
+            beat.signal.stop(StopReason::TimeLimit);
+        }
         let is_due = asked.duration_since(beat.renewed) >= self.heartbeat;
         let answer = if is_due {
             self.runtime.block_on(self.store.heartbeat(job, attempt, self.lease))

@@ -2,7 +2,8 @@
 
 use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard};
+use std::sync::mpsc::{Receiver, TryRecvError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -12,12 +13,13 @@ use tokio::sync::{broadcast, watch};
 use tokio::task::AbortHandle;
 
 use super::lease::Heart;
+use super::run::Outcome;
 use super::{Work, WorkerConfig, collector, run};
 use jobs::bytes::ByteStore;
 use jobs::{EventKind, JobChange, JobStore};
 
 /// How long work may take to notice that it should stop, after the grace.
-const STOP_TIMEOUT: Duration = Duration::from_secs(5);
+const STOP_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// What the pool's threads share.
 pub(super) struct Shared {
@@ -32,6 +34,8 @@ pub(super) struct Shared {
     wakes: Mutex<u64>,
     woken: Condvar,
     live: watch::Sender<usize>,
+    /// Work that should have stopped and goes on.
+    left_behind: Mutex<Vec<Receiver<Outcome>>>,
 }
 
 /// Runs jobs on a bounded number of threads, apart from the async runtime.
@@ -64,6 +68,7 @@ impl Pool {
             wakes: Mutex::new(0),
             woken: Condvar::new(),
             live: watch::Sender::new(0),
+            left_behind: Mutex::default(),
         });
         let listener = runtime.spawn(listen(Arc::clone(&shared), shared.store.changes()));
         let housekeeping = runtime.spawn(collector::keep(
@@ -149,6 +154,19 @@ impl Shared {
         self.wake();
     }
 
+    /// Lets work that does not stop go on beside the next jobs, but no more of it
+    /// than there are workers: then its worker waits for it.
+    pub(super) fn leave_behind(&self, outcome: Receiver<Outcome>) {
+        let mut others = self.left_behind.lock().unwrap_or_else(PoisonError::into_inner);
+        others.retain(|other| matches!(other.try_recv(), Err(TryRecvError::Empty)));
+        if others.len() < self.config.workers {
+            others.push(outcome);
+            return;
+        }
+        drop(others);
+        let _ = outcome.recv();
+    }
+
     fn wake(&self) {
         *self.wakes() += 1;
         self.woken.notify_all();
@@ -183,7 +201,7 @@ impl Drop for Live {
 }
 
 /// A worker thread's life.
-fn serve(shared: &Shared, name: &str) {
+fn serve(shared: &Arc<Shared>, name: &str) {
     loop {
         let seen = *shared.wakes();
         if shared.is_stopping() {
@@ -192,7 +210,7 @@ fn serve(shared: &Shared, name: &str) {
         let asked = Instant::now();
         let claim = shared.store.claim(name, shared.config.lease);
         match shared.runtime.block_on(claim) {
-            Ok(Some(claim)) => run::run(shared, &claim, asked),
+            Ok(Some(claim)) => run::run(shared, claim, asked),
             Ok(None) => shared.wait(seen),
             Err(error) => {
                 tracing::error!(worker = name, %error, "could not claim a job");

@@ -2,8 +2,10 @@
 
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
+use std::{io, thread};
 
 use serde_json::Value;
 use tokio::sync::watch;
@@ -13,32 +15,94 @@ use super::signal::{Signal, StopReason};
 use super::uploads::Uploads;
 use super::work::ProgressSender;
 use super::{Attempt, Shared, WorkError};
+use crate::failure_code::FailureCode;
 use jobs::{Claim, Failure, JobId, JobState, JobStore, StoreError};
 
 /// Writes of an ending are tried this often before the lease is left to end.
 const ENDING_TRIES: u32 = 4;
 
-/// Runs a claimed job to its end on this thread.
-pub(super) fn run(shared: &Shared, claim: &Claim, claimed: Instant) {
+/// How long work has to notice that it should stop. A cancelled job has ended
+/// within a second, whatever it was doing.
+const STOP_PATIENCE: Duration = Duration::from_millis(400);
+/// How often it is looked whether work should stop.
+const TICK: Duration = Duration::from_millis(20);
+
+/// What work came to: its summary, if it gave one.
+pub(super) type Outcome = Result<Option<Value>, WorkError>;
+
+/// Runs a claimed job to its end. The work has a thread of its own, so that work
+/// that does not stop when it should can be left behind.
+pub(super) fn run(shared: &Arc<Shared>, claim: Claim, claimed: Instant) {
     let (id, attempt) = (claim.job.id, claim.attempt);
     let signal = shared.heart.keep(id, attempt, claimed);
     if claim.job.cancel_requested {
         signal.stop(StopReason::Cancel);
     }
     tracing::info!(job = %id, attempt, kind = claim.job.kind, "started");
-    let uploads = Uploads::new(id, attempt, shared.bytes.clone(), shared.runtime.clone());
-    let result = work(shared, claim, &signal, &uploads);
+    let uploads = Arc::new(Uploads::new(id, attempt, shared.bytes.clone(), shared.runtime.clone()));
+    let started = start(shared, claim, &signal, &uploads);
+    let (result, left_behind) = match started {
+        Err(error) => (Err(WorkError::Troubled(error.to_string())), None),
+        Ok(outcome) => match wait(&outcome, &signal) {
+            Some(result) => (result, None),
+            None => {
+                tracing::warn!(job = %id, attempt, "does not stop; its work is left behind");
+                shared.runtime.block_on(uploads.close());
+                (Err(WorkError::Cancelled), Some(outcome))
+            }
+        },
+    };
     // Waited for in any case: nothing may be written after a clean-up.
     let stored = shared.runtime.block_on(uploads.finish());
     let ending = match (result, stored) {
         (Ok(summary), Ok(artifacts)) => Ending::Succeeded(artifacts, summary),
-        (Ok(_), Err(error)) => Ending::Broken(error.to_string()),
+        (Ok(_), Err(error)) => Ending::Troubled(error.to_string()),
         (Err(WorkError::Input(failure)), _) => Ending::Failed(failure),
         (Err(WorkError::Broken(detail)), _) => Ending::Broken(detail),
+        (Err(WorkError::Troubled(cause)), _) => Ending::Troubled(cause),
         (Err(WorkError::Cancelled), _) => Ending::Stopped(signal.reason()),
     };
     end(shared, id, attempt, ending);
     shared.heart.forget(id, attempt);
+    if let Some(outcome) = left_behind {
+        shared.leave_behind(outcome);
+    }
+}
+
+/// Begins the work on a thread of its own.
+fn start(
+    shared: &Arc<Shared>,
+    claim: Claim,
+    signal: &Arc<Signal>,
+    uploads: &Arc<Uploads>,
+) -> io::Result<Receiver<Outcome>> {
+    let (sender, outcome) = sync_channel(1);
+    let (shared, signal) = (Arc::clone(shared), Arc::clone(signal));
+    let uploads = Arc::clone(uploads);
+    thread::Builder::new().name(format!("job-{}", claim.job.id)).spawn(move || {
+        // Nobody listens any more if the work was left behind.
+        let _ = sender.send(work(&shared, &claim, &signal, &uploads));
+    })?;
+    Ok(outcome)
+}
+
+/// What the work came to; `None` if it should stop and does not.
+fn wait(outcome: &Receiver<Outcome>, signal: &Signal) -> Option<Outcome> {
+    let mut told = None;
+    loop {
+        match outcome.recv_timeout(TICK) {
+            Ok(result) => return Some(result),
+            Err(RecvTimeoutError::Disconnected) => {
+                return Some(Err(WorkError::Broken("the work's thread ended".to_owned())));
+            }
+            Err(RecvTimeoutError::Timeout) if signal.reason().is_none() => {}
+            Err(RecvTimeoutError::Timeout) => {
+                if told.get_or_insert_with(Instant::now).elapsed() >= STOP_PATIENCE {
+                    return None;
+                }
+            }
+        }
+    }
 }
 
 /// What an attempt came to.
@@ -47,16 +111,13 @@ enum Ending {
     Succeeded(Vec<jobs::ArtifactEntry>, Option<Value>),
     Failed(Failure),
     Broken(String),
+    /// With the cause, for the log.
+    Troubled(String),
     Stopped(Option<StopReason>),
 }
 
 /// Runs the work itself, with panics caught and progress written beside it.
-fn work(
-    shared: &Shared,
-    claim: &Claim,
-    signal: &Arc<Signal>,
-    uploads: &Uploads,
-) -> Result<Option<Value>, WorkError> {
+fn work(shared: &Shared, claim: &Claim, signal: &Arc<Signal>, uploads: &Uploads) -> Outcome {
     let Some(work) = shared.works.iter().find(|work| work.kind() == claim.job.kind) else {
         let detail = format!("this version has no work for jobs of kind {}", claim.job.kind);
         return Err(WorkError::Broken(detail));
@@ -124,7 +185,17 @@ fn panic_message(panic: &(dyn Any + Send)) -> String {
 
 /// Writes the ending and deletes what the attempt stored unless it is published.
 fn end(shared: &Shared, id: JobId, attempt: u32, ending: Ending) {
-    let written = shared.runtime.block_on(write_ending(shared, id, attempt, ending));
+    let publishes = matches!(ending, Ending::Succeeded(..));
+    if !publishes {
+        // First, for on a full disk it makes room for the ending itself.
+        delete_bytes(shared, id, attempt);
+    }
+    let mut written = shared.runtime.block_on(write_ending(shared, id, attempt, ending));
+    if publishes && let Err(StoreError::Full) = written {
+        delete_bytes(shared, id, attempt);
+        let ending = Ending::Troubled(StoreError::Full.to_string());
+        written = shared.runtime.block_on(write_ending(shared, id, attempt, ending));
+    }
     match written {
         Ok(state) => {
             tracing::info!(job = %id, attempt, ?state, "ended");
@@ -142,6 +213,12 @@ fn end(shared: &Shared, id: JobId, attempt: u32, ending: Ending) {
             return;
         }
     }
+    if publishes {
+        delete_bytes(shared, id, attempt);
+    }
+}
+
+fn delete_bytes(shared: &Shared, id: JobId, attempt: u32) {
     if let Err(error) = shared.runtime.block_on(shared.bytes.delete_attempt(id, attempt)) {
         tracing::warn!(job = %id, attempt, %error, "could not delete the attempt's bytes");
     }
@@ -156,7 +233,7 @@ async fn write_ending(
     let mut pause = Duration::from_millis(100);
     for _ in 1..ENDING_TRIES {
         match try_ending(shared, id, attempt, ending.clone()).await {
-            Err(StoreError::Backend(error)) => {
+            Err(error @ (StoreError::Backend(_) | StoreError::Full)) => {
                 tracing::warn!(job = %id, attempt, %error, "trying again to write how it ended");
                 tokio::time::sleep(pause).await;
                 pause *= 4;
@@ -182,6 +259,18 @@ async fn try_ending(
         Ending::Broken(detail) => {
             let failure = Failure { code: "internal".to_owned(), detail };
             store.retry(id, attempt, failure, shared.config.retry_pause).await
+        }
+        Ending::Troubled(cause) => {
+            tracing::warn!(job = %id, attempt, cause, "the machine is in trouble; the job waits");
+            let code = FailureCode::EnvironmentTrouble;
+            let detail = format!("{} ({})", code.meaning(), code.remedy());
+            store.postpone(id, attempt, Failure { code: code.name().to_owned(), detail }).await
+        }
+        Ending::Stopped(Some(StopReason::TimeLimit)) => {
+            let code = FailureCode::TimeLimit;
+            let seconds = shared.config.max_job_time.as_secs();
+            let detail = format!("stopped after {seconds} s; {}", code.remedy());
+            store.fail(id, attempt, Failure { code: code.name().to_owned(), detail }).await
         }
         Ending::Stopped(Some(StopReason::Cancel)) => store.cancelled(id, attempt).await,
         Ending::Stopped(Some(StopReason::LeaseLost)) => Err(StoreError::LeaseLost { id, attempt }),

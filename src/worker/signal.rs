@@ -8,10 +8,12 @@ use std::sync::atomic::{AtomicU8, Ordering};
 pub(super) enum StopReason {
     /// The worker stops: put the job back.
     Shutdown = 1,
+    /// The job has run for as long as one may.
+    TimeLimit = 2,
     /// The user cancelled the job.
-    Cancel = 2,
+    Cancel = 3,
     /// The lease is lost: nothing may be written any more.
-    LeaseLost = 3,
+    LeaseLost = 4,
 }
 
 /// Tells a running attempt to stop. A stronger reason replaces a weaker one.
@@ -27,7 +29,8 @@ impl Signal {
         match self.0.load(Ordering::SeqCst) {
             0 => None,
             1 => Some(StopReason::Shutdown),
-            2 => Some(StopReason::Cancel),
+            2 => Some(StopReason::TimeLimit),
+            3 => Some(StopReason::Cancel),
             _ => Some(StopReason::LeaseLost),
         }
     }

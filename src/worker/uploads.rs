@@ -3,12 +3,13 @@
 use std::collections::HashSet;
 use std::io::{self, Write};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 use bytes::Bytes;
 use sha2::{Digest, Sha256};
 use tokio::runtime::Handle;
 use tokio::sync::{Semaphore, mpsc};
-use tokio::task::JoinHandle;
+use tokio::task::{AbortHandle, JoinHandle};
 
 use jobs::bytes::{ByteError, ByteStore, ByteWriter, Key};
 use jobs::{ArtifactEntry, JobId};
@@ -39,6 +40,9 @@ pub(super) struct Uploads {
 struct Started {
     names: HashSet<String>,
     tasks: Vec<Stored>,
+    /// Of artifacts that are written piece by piece.
+    pieces: Vec<AbortHandle>,
+    is_closed: bool,
 }
 
 impl Uploads {
@@ -90,6 +94,13 @@ impl Uploads {
             Ok(ArtifactEntry { media_type, bytes, sha256, name })
         });
         let started = Arc::clone(&self.started);
+        {
+            let mut started = lock(&started);
+            started.pieces.push(task.abort_handle());
+            if started.is_closed {
+                task.abort();
+            }
+        }
         Ok(Upload { chunk: Vec::new(), chunks, task: Some(task), started })
     }
 
@@ -97,11 +108,28 @@ impl Uploads {
     fn register(&self, name: &str) -> io::Result<()> {
         let key = Key::Artifact { job: self.job, attempt: self.attempt, name };
         key.path().map_err(|error| io::Error::new(io::ErrorKind::InvalidInput, error))?;
-        if lock(&self.started).names.insert(name.to_owned()) {
+        let mut started = lock(&self.started);
+        if started.is_closed {
+            return Err(io::Error::new(io::ErrorKind::BrokenPipe, "the attempt has ended"));
+        }
+        if started.names.insert(name.to_owned()) {
             return Ok(());
         }
         let message = format!("artifact {name} was emitted twice");
         Err(io::Error::new(io::ErrorKind::AlreadyExists, message))
+    }
+
+    /// Takes no artifacts any more, and lets go of those that are being written.
+    pub(super) async fn close(&self) {
+        let pieces = {
+            let mut started = lock(&self.started);
+            started.is_closed = true;
+            std::mem::take(&mut started.pieces)
+        };
+        pieces.iter().for_each(AbortHandle::abort);
+        while pieces.iter().any(|piece| !piece.is_finished()) {
+            tokio::time::sleep(Duration::from_millis(5)).await;
+        }
     }
 
     /// Waits until all artifacts are durable. Entries are in the order in which

@@ -37,6 +37,24 @@ pub enum WorkError {
     /// Something broke that may hold next time.
     #[error("{0}")]
     Broken(String),
+    /// The machine is in trouble, such as a full disk or no more files to open:
+    /// the job waits until that is over. The cause is for the log alone.
+    #[error("{0}")]
+    Troubled(String),
+}
+
+/// Of reading inputs and storing artifacts: what is not asked wrongly is
+/// trouble of the machine.
+impl From<io::Error> for WorkError {
+    fn from(error: io::Error) -> Self {
+        use io::ErrorKind::{AlreadyExists, InvalidData, InvalidInput, NotFound, UnexpectedEof};
+        match error.kind() {
+            AlreadyExists | InvalidData | InvalidInput | NotFound | UnexpectedEof => {
+                Self::Broken(error.to_string())
+            }
+            _ => Self::Troubled(error.to_string()),
+        }
+    }
 }
 
 /// One attempt at a job: what its work can read and write.

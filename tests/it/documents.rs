@@ -7,12 +7,11 @@ use artifacts::{Artifact, ArtifactName, ArtifactSink, ArtifactWriter};
 use drawing::{DrawError, DrawOptions, PreparedModel, SheetLimits, draw_sheet};
 use frames::AzimuthList;
 use mesh::builtin::ProceduralModel;
-use picture::ImageLimits;
 use progress::Silent;
 use reqwest::multipart::Form;
 use serde_json::{Value, json};
 use sheet::SheetDocument;
-use turnaround::draft::produce;
+use turnaround::draft::{DraftLimits, produce};
 use turnaround::failure_code::FailureCode;
 
 use crate::api::harness::Service;
@@ -66,7 +65,7 @@ fn metrics(azimuths: &str, options: Value) -> Value {
     document.options = Some(options);
     let read = |name: &str| Ok(drawn.0[name].clone());
     let mut files = Files::default();
-    produce(&document, &read, &ImageLimits::default(), 2, &Silent, &mut files).unwrap();
+    produce(&document, &read, &DraftLimits::default(), 2, &Silent, &mut files).unwrap();
     let mut metrics = serde_json::from_slice(&files.0["metrics.json"]).unwrap();
     roughly(&mut metrics);
     metrics

@@ -2,6 +2,7 @@
 
 mod api;
 mod documents;
+mod faults;
 mod layers;
 mod model_regressions;
 mod service_crash;

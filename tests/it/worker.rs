@@ -107,7 +107,7 @@ impl World {
 }
 
 fn new_job(id: JobId, max_attempts: u32) -> NewJob {
-    NewJob { id, kind: "test".to_owned(), payload: Value::Null, max_attempts }
+    NewJob::new(id, "test", Value::Null, max_attempts)
 }
 
 fn config() -> WorkerConfig {
@@ -463,19 +463,116 @@ async fn only_bytes_that_belong_to_nothing_are_collected() {
     let input = Key::Input { job: uploading, name: "front.png" };
     world.bytes.put(&input, b"x".as_slice().into()).await.unwrap();
 
+    world.store.expect_bytes(uploading).await.unwrap();
+    // What a database that was put back from a copy does not know (any more).
+    let strange = Key::Input { job: JobId::new(), name: "front.png" };
+    world.bytes.put(&strange, b"x".as_slice().into()).await.unwrap();
+    put(queued, 7).await;
+
     let hour = Duration::from_secs(3600);
     let store = world.store.as_ref();
-    let done = collect(store, &world.bytes, Timestamp::now(), hour).await.unwrap();
-    assert_eq!(done, Collected { jobs: 0, attempts: 4 });
-    for (id, left) in [(queued, vec![]), (running, vec![2]), (succeeded, vec![2])] {
+    let after = |collect_after, collect_unknown_after| WorkerConfig {
+        collect_after,
+        collect_unknown_after,
+        ..config()
+    };
+    let done = collect(store, &world.bytes, &after(hour, None)).await.unwrap();
+    assert_eq!(done, Collected { jobs: 0, attempts: 4, unknown: 1 });
+    for (id, left) in [(queued, vec![7]), (running, vec![2]), (succeeded, vec![2])] {
         assert_eq!(world.bytes.attempts(id).await.unwrap(), left);
         let input = Key::Input { job: id, name: "front.png" };
         assert_eq!(world.bytes.get(&input).await.unwrap(), "x");
     }
     assert_eq!(world.bytes.get(&input).await.unwrap(), "x");
 
-    let later = Timestamp::now() + hour;
-    let done = collect(store, &world.bytes, later, hour).await.unwrap();
-    assert_eq!(done, Collected { jobs: 1, attempts: 0 });
+    let done = collect(store, &world.bytes, &after(Duration::ZERO, None)).await.unwrap();
+    assert_eq!(done, Collected { jobs: 1, attempts: 0, unknown: 1 });
+    assert_eq!(world.bytes.get(&strange).await.unwrap(), "x");
+    assert_eq!(world.bytes.attempts(queued).await.unwrap(), [7]);
+    let at_once = after(Duration::ZERO, Some(Duration::ZERO));
+    let done = collect(store, &world.bytes, &at_once).await.unwrap();
+    assert_eq!(done, Collected { jobs: 1, attempts: 0, unknown: 0 });
     assert_eq!(world.bytes.jobs().await.unwrap(), [queued, running, succeeded]);
+}
+
+/// Work that looks at nothing, like a long call into a library.
+fn deaf(
+    released: &Mutex<std::sync::mpsc::Receiver<()>>,
+    attempt: &Attempt<'_>,
+) -> Result<(), WorkError> {
+    attempt.emit("hull.glb", "a/b", vec![0; 100]).unwrap();
+    let mut piecewise = attempt.create("points.ply", "a/b").unwrap();
+    std::io::Write::write_all(&mut piecewise, b"half").unwrap();
+    // Ends when the test is over.
+    let _ = released.lock().unwrap().recv();
+    let _ = piecewise.finish();
+    let _ = attempt.emit("late.glb", "a/b", vec![0; 100]);
+    Ok(())
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn work_that_does_not_listen_is_cancelled_within_a_second() {
+    let world = World::new().await;
+    let (release, released) = std::sync::mpsc::channel::<()>();
+    let released = Mutex::new(released);
+    let pool = world.pool(work(move |attempt| match attempt.job().id {
+        _ if attempt.read("quick").is_ok() => Ok(()),
+        _ => deaf(&released, attempt),
+    }));
+    let id = world.enqueue(1).await;
+    world.running(id).await;
+    let asked = Instant::now();
+    world.store.request_cancel(id).await.unwrap();
+    assert_eq!(world.finished(id).await.state, JobState::Cancelled);
+    assert!(asked.elapsed() < Duration::from_secs(1), "{:?}", asked.elapsed());
+    // Its worker goes on with others meanwhile.
+    let quick = JobId::new();
+    let input = Key::Input { job: quick, name: "quick" };
+    world.bytes.put(&input, b"x".as_slice().into()).await.unwrap();
+    world.store.enqueue(new_job(quick, 1)).await.unwrap();
+    assert_eq!(world.finished(quick).await.state, JobState::Succeeded);
+    drop(release);
+    thread::sleep(Duration::from_millis(100));
+    assert!(world.bytes.attempts(id).await.unwrap().is_empty(), "it wrote after its end");
+    pool.shutdown(PATIENCE).await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_job_that_takes_too_long_fails_for_good() {
+    let world = World::new().await;
+    let config = WorkerConfig {
+        max_job_time: Duration::from_millis(200),
+        cancel_poll: Duration::from_millis(20),
+        ..config()
+    };
+    let pool = world.pool_with(config, work(until_stopped));
+    let id = world.enqueue(3).await;
+    let job = world.finished(id).await;
+    assert_eq!((job.state, job.attempt), (JobState::Failed, 1));
+    assert_eq!(job.failure.unwrap().code, "time_limit");
+    pool.shutdown(PATIENCE).await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn trouble_of_the_machine_is_waited_out_and_not_told() {
+    let world = World::new().await;
+    let config = WorkerConfig { poll_interval: Duration::from_millis(50), ..config() };
+    let pool = world.pool_with(
+        config,
+        work(|attempt| match attempt.job().attempt {
+            1 => {
+                let os = std::io::Error::from_raw_os_error(24);
+                Err(std::io::Error::other(format!("/srv/data/bytes/inputs: {os}")).into())
+            }
+            2 => Err(std::io::Error::from(std::io::ErrorKind::StorageFull).into()),
+            _ => Ok(()),
+        }),
+    );
+    let id = world.enqueue(1).await;
+    let job = world.finished(id).await;
+    assert_eq!((job.state, job.attempt, job.attempts_used), (JobState::Succeeded, 3, 1));
+    for event in world.store.events(id, 0).await.unwrap() {
+        assert!(!event.data.to_string().contains("/srv"), "{event:?}");
+    }
+    pool.shutdown(PATIENCE).await;
 }

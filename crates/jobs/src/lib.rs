@@ -6,6 +6,7 @@
 //! later write names the (job, attempt) it was claimed with, so that a worker
 //! that lost its lease can change nothing.
 
+mod access;
 pub mod bytes;
 mod clock;
 mod record;
@@ -13,10 +14,15 @@ mod sqlite;
 mod store;
 mod types;
 
-pub use clock::{Clock, ManualClock, SystemClock};
+pub use access::{
+    AccessStore, ApiKey, InvalidKey, InvalidTenantName, KeyText, NewKey, Scope, Tenant,
+    TenantLimits, TenantName,
+};
+pub use clock::{Clock, ManualClock, SystemClock, Uptime};
 pub use sqlite::SqliteStore;
 pub use store::{JobStore, StoreError};
 pub use types::{
-    ATTEMPTS_EXHAUSTED, ArtifactEntry, Claim, Event, EventKind, Failure, Heartbeat, Job, JobChange,
-    JobCounts, JobId, JobState, LEASE_EXPIRED, ListQuery, NewJob, Page,
+    ATTEMPTS_EXHAUSTED, ArtifactEntry, Claim, Event, EventKind, Failure, Heartbeat, Idempotency,
+    Job, JobChange, JobCounts, JobId, JobState, LEASE_EXPIRED, ListQuery, NewJob, Page, Tags,
+    UNREADABLE,
 };

@@ -4,11 +4,17 @@
 
 use std::time::Duration;
 
-use jiff::{SignedDuration, Timestamp};
+use jiff::Timestamp;
 use serde_json::{Value, json};
 
 use super::{ATTEMPTS_EXHAUSTED, LEASE_EXPIRED};
-use super::{ArtifactEntry, EventKind, Failure, Job, JobState, NewJob, StoreError};
+use super::{ArtifactEntry, EventKind, Failure, Job, JobState, NewJob, StoreError, Uptime};
+
+/// The longest pause before a job that the machine broke off is claimed again.
+const LONGEST_PAUSE: Duration = Duration::from_secs(60);
+/// How often the machine may break a job off: pauses of 1 + 2 + 4 + 8 + 16 + 32
+/// and 59 times 60 seconds are an hour.
+const MAX_TROUBLES: u32 = 65;
 
 /// A job with what only the store needs to know.
 #[derive(Clone, Debug, PartialEq)]
@@ -17,9 +23,17 @@ pub(super) struct Record {
     /// Who runs it, for people who read the database.
     pub worker: Option<String>,
     /// Set while running.
-    pub lease_until: Option<Timestamp>,
+    pub lease_until: Option<Uptime>,
     /// Not claimed before this.
-    pub not_before: Timestamp,
+    pub not_before: Uptime,
+    /// Attempts that trouble of the machine broke off.
+    pub troubles: u32,
+}
+
+/// The present moment, by both clocks.
+pub(super) struct Present {
+    pub time: Timestamp,
+    pub uptime: Uptime,
 }
 
 /// The event that a transition writes.
@@ -38,6 +52,8 @@ pub(super) enum Ending {
     Cancelled,
     /// The attempt broke; try again after a pause.
     Broken(Failure, Duration),
+    /// The machine is in trouble, not the job: the attempt is given back.
+    Troubled(Failure),
     /// The worker stops; the attempt is given back.
     Released,
     /// The lease ended without a word.
@@ -45,11 +61,14 @@ pub(super) enum Ending {
 }
 
 impl Record {
-    pub(crate) fn new(job: NewJob, now: Timestamp) -> (Self, Change) {
+    pub(crate) fn new(job: NewJob, now: &Present) -> (Self, Change) {
         let data = json!({ "max_attempts": job.max_attempts });
         let job = Job {
             id: job.id,
+            tenant: job.tenant,
             kind: job.kind,
+            priority: job.priority,
+            tags: job.tags,
             payload: job.payload,
             state: JobState::Queued,
             attempt: 0,
@@ -60,24 +79,25 @@ impl Record {
             failure: None,
             artifacts: Vec::new(),
             summary: None,
-            created_at: now,
+            created_at: now.time,
             started_at: None,
             finished_at: None,
             version: 0,
         };
-        let record = Self { job, worker: None, lease_until: None, not_before: now };
+        let not_before = now.uptime.clone();
+        let record = Self { job, worker: None, lease_until: None, not_before, troubles: 0 };
         (record, Change { kind: EventKind::Queued, data })
     }
 
     /// Gives a queued job to `worker` and counts the attempt.
-    pub(crate) fn claim(&mut self, worker: &str, now: Timestamp, lease: Duration) -> Change {
+    pub(crate) fn claim(&mut self, worker: &str, now: &Present, lease: Duration) -> Change {
         self.job.state = JobState::Running;
         self.job.attempt += 1;
         self.job.attempts_used += 1;
-        self.job.started_at = Some(now);
+        self.job.started_at = Some(now.time);
         self.job.progress = None;
         self.worker = Some(worker.to_owned());
-        self.lease_until = Some(after(now, lease));
+        self.lease_until = Some(now.uptime.after(lease));
         Change { kind: EventKind::Started, data: json!({ "attempt": self.job.attempt }) }
     }
 
@@ -103,27 +123,28 @@ impl Record {
 
     /// Ends the running attempt. Once cancellation was accepted the job ends as
     /// cancelled, whatever its worker comes back with.
-    pub(crate) fn end(&mut self, ending: Ending, now: Timestamp) -> Change {
+    pub(crate) fn end(&mut self, ending: Ending, now: &Present) -> Change {
         self.worker = None;
         self.lease_until = None;
         if self.job.cancel_requested {
-            return self.finish(JobState::Cancelled, now);
+            return self.finish(JobState::Cancelled, now.time);
         }
         match ending {
             Ending::Succeeded(artifacts, summary) => {
                 self.job.artifacts = artifacts;
                 self.job.summary = summary;
-                self.finish(JobState::Succeeded, now)
+                self.finish(JobState::Succeeded, now.time)
             }
             Ending::Failed(failure) => {
                 self.job.failure = Some(failure);
-                self.finish(JobState::Failed, now)
+                self.finish(JobState::Failed, now.time)
             }
-            Ending::Cancelled => self.finish(JobState::Cancelled, now),
+            Ending::Cancelled => self.finish(JobState::Cancelled, now.time),
             Ending::Broken(failure, pause) => self.try_again(failure, pause, now),
+            Ending::Troubled(failure) => self.wait_out(failure, now),
             Ending::Released => {
                 self.job.attempts_used -= 1;
-                self.put_back(json!({ "reason": "released" }), now)
+                self.put_back(json!({ "reason": "released" }), now.uptime.clone())
             }
             Ending::Expired => {
                 let detail = "the worker stopped renewing its lease".to_owned();
@@ -133,20 +154,33 @@ impl Record {
         }
     }
 
-    fn try_again(&mut self, failure: Failure, pause: Duration, now: Timestamp) -> Change {
+    fn try_again(&mut self, failure: Failure, pause: Duration, now: &Present) -> Change {
         if self.job.attempts_used < self.job.max_attempts {
             let reason = json!({ "reason": failure.code, "detail": failure.detail });
-            return self.put_back(reason, after(now, pause));
+            return self.put_back(reason, now.uptime.after(pause));
         }
         let detail = format!(
             "all {} attempts broke; the last one: {}: {}",
             self.job.attempts_used, failure.code, failure.detail
         );
         self.job.failure = Some(Failure { code: ATTEMPTS_EXHAUSTED.to_owned(), detail });
-        self.finish(JobState::Failed, now)
+        self.finish(JobState::Failed, now.time)
     }
 
-    fn put_back(&mut self, mut data: Value, not_before: Timestamp) -> Change {
+    /// Puts the job back for a time that doubles with every trouble in a row.
+    fn wait_out(&mut self, failure: Failure, now: &Present) -> Change {
+        if self.troubles == MAX_TROUBLES {
+            self.job.failure = Some(failure);
+            return self.finish(JobState::Failed, now.time);
+        }
+        let pause = Duration::from_secs(1 << self.troubles.min(6)).min(LONGEST_PAUSE);
+        self.troubles += 1;
+        self.job.attempts_used -= 1;
+        let reason = json!({ "reason": failure.code, "detail": failure.detail });
+        self.put_back(reason, now.uptime.after(pause))
+    }
+
+    fn put_back(&mut self, mut data: Value, not_before: Uptime) -> Change {
         data["attempt"] = self.job.attempt.into();
         self.job.state = JobState::Queued;
         self.job.progress = None;
@@ -186,15 +220,7 @@ impl Record {
         }
     }
 
-    pub(crate) fn renew(&mut self, now: Timestamp, lease: Duration) {
-        self.lease_until = Some(after(now, lease));
+    pub(crate) fn renew(&mut self, now: &Uptime, lease: Duration) {
+        self.lease_until = Some(now.after(lease));
     }
-}
-
-/// `now + by`, at the end of time at the latest.
-fn after(now: Timestamp, by: Duration) -> Timestamp {
-    SignedDuration::try_from(by)
-        .ok()
-        .and_then(|by| now.checked_add(by).ok())
-        .unwrap_or(Timestamp::MAX)
 }

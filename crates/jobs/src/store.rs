@@ -7,8 +7,8 @@ use serde_json::Value;
 use tokio::sync::broadcast;
 
 use super::{
-    ArtifactEntry, Claim, Event, Failure, Heartbeat, Job, JobChange, JobCounts, JobId, JobState,
-    ListQuery, NewJob, Page,
+    ArtifactEntry, Claim, Event, Failure, Heartbeat, Idempotency, Job, JobChange, JobCounts, JobId,
+    JobState, ListQuery, NewJob, Page, Tags, TenantName,
 };
 
 /// Why a store could not do what was asked.
@@ -29,6 +29,29 @@ pub enum StoreError {
         /// Name of the job.
         id: JobId,
     },
+    /// The idempotency key came with another upload.
+    #[error("the key {0:?} was given with another upload")]
+    OtherUpload(String),
+    /// As many jobs of the tenant wait as may.
+    #[error("{most} jobs of tenant {tenant} wait already")]
+    TooManyQueued {
+        /// Whose they are.
+        tenant: TenantName,
+        /// How many may wait.
+        most: u32,
+    },
+    /// There is no such tenant.
+    #[error("there is no tenant {0}")]
+    NoTenant(TenantName),
+    /// There is such a tenant already.
+    #[error("there is a tenant {0} already")]
+    TenantExists(TenantName),
+    /// The tenant can't be deleted: a job of it runs, or it is the default one.
+    #[error("tenant {0} is in use")]
+    TenantInUse(TenantName),
+    /// There is no such key.
+    #[error("there is no key {0}")]
+    NoKey(String),
     /// The (job, attempt) no longer holds the lease.
     #[error("attempt {attempt} of job {id} lost its lease")]
     LeaseLost {
@@ -37,6 +60,12 @@ pub enum StoreError {
         /// The claim's attempt, from 1.
         attempt: u32,
     },
+    /// The disk is full.
+    #[error("the disk of the job store is full")]
+    Full,
+    /// What is stored of a job makes no sense to this version.
+    #[error("job store: {0}")]
+    Unreadable(#[source] Box<dyn std::error::Error + Send + Sync>),
     /// The database failed.
     #[error("job store: {0}")]
     Backend(#[source] Box<dyn std::error::Error + Send + Sync>),
@@ -45,11 +74,29 @@ pub enum StoreError {
 /// A durable queue of jobs. Every method is one transaction; when it returns,
 /// its effect survives a crash of process and machine.
 ///
-/// `tests/job_store.rs` is the suite that every implementation passes.
+/// `tests/it/suite.rs` is the suite that every implementation passes.
 #[async_trait]
 pub trait JobStore: Send + Sync {
-    /// Adds a job in state queued.
+    /// Adds a job in state queued. If its idempotency key came with the same
+    /// upload in the last day, the job that this became is returned instead, and
+    /// nothing is added.
+    ///
+    /// # Errors
+    /// [`StoreError::NoTenant`] if its tenant is not there,
+    /// [`StoreError::TooManyQueued`] if too many of its jobs wait,
+    /// [`StoreError::OtherUpload`] if the key came with another upload,
+    /// [`StoreError::NotFound`] if the job that it became is deleted.
     async fn enqueue(&self, job: NewJob) -> Result<Job, StoreError>;
+
+    /// The job that an upload with this key became in the last day, if it did.
+    ///
+    /// # Errors
+    /// As [`Self::enqueue`].
+    async fn enqueued(
+        &self,
+        tenant: &TenantName,
+        given: &Idempotency,
+    ) -> Result<Option<Job>, StoreError>;
 
     /// The job as it is now.
     async fn get(&self, id: JobId) -> Result<Job, StoreError>;
@@ -60,8 +107,10 @@ pub trait JobStore: Send + Sync {
     /// The events of a job numbered above `after`, in order.
     async fn events(&self, id: JobId, after: u64) -> Result<Vec<Event>, StoreError>;
 
-    /// Claims the oldest queued job for `lease` and counts the attempt. `worker`
-    /// names the claimant for people who read the log.
+    /// Claims a queued job for `lease` and counts the attempt: of the tenant that
+    /// has the fewest jobs running and was served longest ago, the most important
+    /// job and of those the oldest. `worker` names the claimant for people who
+    /// read the log.
     async fn claim(&self, worker: &str, lease: Duration) -> Result<Option<Claim>, StoreError>;
 
     /// Extends the lease of (job, attempt).
@@ -107,6 +156,16 @@ pub trait JobStore: Send + Sync {
         pause: Duration,
     ) -> Result<JobState, StoreError>;
 
+    /// Puts the job back because of trouble that is not its own, such as a full
+    /// disk. The attempt is not counted; the pause before the next one grows
+    /// from a second to a minute. After an hour of it the job fails with `failure`.
+    async fn postpone(
+        &self,
+        id: JobId,
+        attempt: u32,
+        failure: Failure,
+    ) -> Result<JobState, StoreError>;
+
     /// Puts the job back because its worker stops; the attempt is not counted.
     /// The next claim gets a new attempt number all the same.
     async fn release(&self, id: JobId, attempt: u32) -> Result<JobState, StoreError>;
@@ -123,11 +182,33 @@ pub trait JobStore: Send + Sync {
     /// [`StoreError::Finished`] if the job ended already.
     async fn request_cancel(&self, id: JobId) -> Result<Job, StoreError>;
 
+    /// Sets what people say of a job.
+    async fn tag(&self, id: JobId, tags: &Tags) -> Result<Job, StoreError>;
+
+    /// Cancels a job that runs, and has it deleted when it has ended. `false` if
+    /// it does not run.
+    async fn delete_when_ended(&self, id: JobId) -> Result<bool, StoreError>;
+
+    /// Forgets the jobs that have ended and whose time is over, and those that
+    /// were to be deleted when they have. Returns them: their bytes may go.
+    async fn expire(&self) -> Result<Vec<JobId>, StoreError>;
+
     /// Forgets a job and its events.
     ///
     /// # Errors
     /// [`StoreError::Running`] while it runs.
     async fn delete(&self, id: JobId) -> Result<(), StoreError>;
+
+    /// Says that bytes will be stored for a job that is enqueued later, so that
+    /// they can be told from those of other databases if it never is.
+    async fn expect_bytes(&self, id: JobId) -> Result<(), StoreError>;
+
+    /// Whether the job was expected or deleted at least `for_at_least` ago and
+    /// has not been enqueued since: its bytes may go.
+    async fn is_ownerless(&self, id: JobId, for_at_least: Duration) -> Result<bool, StoreError>;
+
+    /// The bytes of a job without a row are deleted.
+    async fn forget_bytes(&self, id: JobId) -> Result<(), StoreError>;
 
     /// Every job's name, for collecting bytes that belong to none.
     async fn ids(&self) -> Result<Vec<JobId>, StoreError>;

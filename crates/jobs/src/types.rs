@@ -1,5 +1,6 @@
 //! What a job is: its states, claims, events and listings.
 
+use std::collections::BTreeMap;
 use std::fmt;
 use std::str::FromStr;
 
@@ -7,6 +8,8 @@ use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use uuid::Uuid;
+
+use super::TenantName;
 
 /// A job's name; version 7, so that names sort by age.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
@@ -69,17 +72,60 @@ impl JobState {
     }
 }
 
+/// What tells an upload that is sent again from another.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Idempotency {
+    /// The client's name for the upload, one of its tenant's.
+    pub key: String,
+    /// A hash of what was uploaded.
+    pub fingerprint: String,
+}
+
+/// What people say of a job, and may change at any time.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Tags {
+    /// What they call it.
+    pub name: Option<String>,
+    /// What they find it by.
+    pub labels: BTreeMap<String, String>,
+    /// When it is deleted by itself.
+    pub expires_at: Option<Timestamp>,
+    /// Whether it stays all the same.
+    pub pinned: bool,
+}
+
 /// What to enqueue.
 #[derive(Clone, Debug)]
 pub struct NewJob {
     /// The new job's name.
     pub id: JobId,
+    /// Whose it is.
+    pub tenant: TenantName,
     /// Which work it is, such as `reconstruction`.
     pub kind: String,
+    /// Claimed before others of its tenant that have a lower one.
+    pub priority: i32,
     /// What the work needs, apart from stored bytes.
     pub payload: Value,
     /// How often the job may be claimed, released claims apart; at least 1.
     pub max_attempts: u32,
+    /// How many jobs of its tenant may wait, this one among them.
+    pub max_queued: Option<u32>,
+    /// What people say of it.
+    pub tags: Tags,
+    /// Given by a client that may send it again.
+    pub idempotency: Option<Idempotency>,
+}
+
+impl NewJob {
+    /// A job of the default tenant, as important as any.
+    pub fn new(id: JobId, kind: impl Into<String>, payload: Value, max_attempts: u32) -> Self {
+        let tenant = TenantName::default();
+        let (max_queued, idempotency) = (None, None);
+        let kind = kind.into();
+        let tags = Tags::default();
+        Self { id, tenant, kind, priority: 0, payload, max_attempts, max_queued, tags, idempotency }
+    }
 }
 
 /// A job as stored.
@@ -87,8 +133,14 @@ pub struct NewJob {
 pub struct Job {
     /// Its name.
     pub id: JobId,
+    /// Whose it is.
+    pub tenant: TenantName,
     /// Which work it is, such as `reconstruction`.
     pub kind: String,
+    /// Claimed before others of its tenant that have a lower one.
+    pub priority: i32,
+    /// What people say of it.
+    pub tags: Tags,
     /// What the work needs, apart from stored bytes.
     pub payload: Value,
     /// Where it is in its life.
@@ -121,10 +173,33 @@ pub struct Job {
     pub version: u64,
 }
 
+impl Job {
+    /// The job as it was when it was enqueued.
+    pub fn as_enqueued(&self) -> Self {
+        Self {
+            state: JobState::Queued,
+            attempt: 0,
+            attempts_used: 0,
+            cancel_requested: false,
+            progress: None,
+            failure: None,
+            artifacts: Vec::new(),
+            summary: None,
+            started_at: None,
+            finished_at: None,
+            version: 1,
+            ..self.clone()
+        }
+    }
+}
+
 /// The failure code of a job whose last worker was lost.
 pub const LEASE_EXPIRED: &str = "lease_expired";
 /// The failure code of a job whose every attempt broke off.
 pub const ATTEMPTS_EXHAUSTED: &str = "attempts_exhausted";
+
+/// The failure code of a job whose stored row can't be read.
+pub const UNREADABLE: &str = "unreadable";
 
 /// Why a job failed.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -183,6 +258,8 @@ pub enum EventKind {
     CancelRequested,
     /// Put back: its worker stopped or its lease ended.
     Requeued,
+    /// What people say of it was changed.
+    Tagged,
     /// Done, its artifacts published.
     Succeeded,
     /// Ended without a result; the data has why.
@@ -233,10 +310,18 @@ pub struct JobCounts {
 /// Which jobs to list, newest first.
 #[derive(Clone, Debug, Default)]
 pub struct ListQuery {
+    /// Only jobs of this tenant; `None` for all.
+    pub tenant: Option<TenantName>,
     /// Only jobs of this kind; `None` for all.
     pub kind: Option<String>,
     /// Only jobs in this state; `None` for all.
     pub state: Option<JobState>,
+    /// Only jobs that have all of these labels.
+    pub labels: BTreeMap<String, String>,
+    /// Only jobs enqueued at this time or later.
+    pub created_from: Option<Timestamp>,
+    /// Only jobs enqueued before this time.
+    pub created_before: Option<Timestamp>,
     /// Only jobs older than this one.
     pub before: Option<JobId>,
     /// At most this many; at least 1.

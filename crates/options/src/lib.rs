@@ -198,6 +198,63 @@ fn words_of(schema: &Value) -> Vec<&Value> {
     schema.get("const").into_iter().chain(listed).chain(alternatives).collect()
 }
 
+/// The same schema with every choice of words as one `enum`, for generators of
+/// clients that cannot read a word's own description. What the words mean goes
+/// into the description of the whole.
+///
+/// ```
+/// let words = serde_json::json!({"description": "Line ends.", "oneOf": [
+///     {"type": "string", "const": "round", "description": "As a pen."},
+///     {"type": "string", "const": "flat"},
+/// ]});
+/// let folded = options::with_enums(&words);
+/// assert_eq!(folded["enum"], serde_json::json!(["round", "flat"]));
+/// assert_eq!(folded["description"], "Line ends.\n\n* `round`: As a pen.");
+/// ```
+pub fn with_enums(schema: &Value) -> Value {
+    match schema {
+        Value::Array(items) => items.iter().map(with_enums).collect(),
+        Value::Object(entries) => {
+            let mut entries: Map<String, Value> =
+                entries.iter().map(|(key, value)| (key.clone(), with_enums(value))).collect();
+            if let Some(alternatives) = entries.get("oneOf").and_then(Value::as_array)
+                && let Some((words, told)) = folded(alternatives)
+            {
+                let own = entries.get("description").and_then(Value::as_str).unwrap_or_default();
+                let told = told.join("\n");
+                let parts = [own, told.as_str()].into_iter().filter(|it| !it.is_empty());
+                let whole = parts.collect::<Vec<_>>().join("\n\n");
+                entries.remove("oneOf");
+                entries.insert("type".to_owned(), "string".into());
+                entries.insert("enum".to_owned(), words.into());
+                if !whole.is_empty() {
+                    entries.insert("description".to_owned(), whole.into());
+                }
+            }
+            Value::Object(entries)
+        }
+        other => other.clone(),
+    }
+}
+
+/// The words of alternatives that are words alone, and a line for each that has
+/// a description.
+fn folded(alternatives: &[Value]) -> Option<(Vec<Value>, Vec<String>)> {
+    let (mut words, mut told) = (Vec::new(), Vec::new());
+    for alternative in alternatives {
+        let own = words_of(alternative);
+        if own.is_empty() || !own.iter().all(|word| word.is_string()) {
+            return None;
+        }
+        if let (Some(text), [word]) = (alternative["description"].as_str(), own.as_slice()) {
+            let word = word.as_str().unwrap_or_default();
+            told.push(format!("* `{word}`: {}", text.replace('\n', " ")));
+        }
+        words.extend(own.into_iter().cloned());
+    }
+    Some((words, told))
+}
+
 /// The nested object of a dotted option: `("a.b", 1)` is `{"a": {"b": 1}}`.
 /// Text that is not JSON is taken as a string, so `method=uncalibrated` works.
 pub fn nested(dotted: &str, text: &str) -> Value {

@@ -43,6 +43,10 @@ pub(crate) struct LimitConfig {
         default_value_t = 1_000_000
     )]
     pub max_model_triangles: usize,
+    /// Memory that one job may take, MiB; 0 shares what the machine or the control
+    /// group has among the workers
+    #[arg(long, env = "TURNAROUND_MAX_JOB_MIB", value_name = "MIB", default_value_t = 0)]
+    pub max_job_mib: u64,
     /// Largest request body, MiB
     #[arg(long, env = "TURNAROUND_MAX_BODY_MIB", value_name = "MIB", default_value_t = 256)]
     pub max_body_mib: u64,

@@ -3,12 +3,15 @@
 //! Each concern is one small struct that is at once its flags, its environment
 //! variables and its keys in the file, so the three cannot drift apart.
 
+mod access;
+mod check;
 mod http;
 mod limits;
 mod log;
 mod storage;
 mod workers;
 
+pub(super) use access::AccessConfig;
 pub(super) use http::HttpConfig;
 pub(super) use limits::LimitConfig;
 pub(super) use log::{LogConfig, LogFormat};
@@ -31,6 +34,9 @@ pub(super) struct Config {
     #[command(flatten)]
     #[serde(flatten)]
     pub http: HttpConfig,
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub access: AccessConfig,
     #[command(flatten)]
     #[serde(flatten)]
     pub storage: StorageConfig,
@@ -86,7 +92,12 @@ impl ConfigArgs {
             }
             figment = figment.merge(Toml::string(&text));
         }
-        figment.merge(Serialized::defaults(&given)).extract().context("reading the settings")
+        let config: Config = figment
+            .merge(Serialized::defaults(&given))
+            .extract()
+            .context("reading the settings")?;
+        config.check()?;
+        Ok(config)
     }
 }
 
@@ -98,12 +109,12 @@ fn object(value: Value) -> Map<String, Value> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use clap::{Command, FromArgMatches};
     use std::io::Write;
 
-    fn resolve(args: &[&str]) -> Result<Config> {
+    pub(super) fn resolve(args: &[&str]) -> Result<Config> {
         let command = ConfigArgs::augment_args(Command::new("serve"));
         let matches = command.try_get_matches_from([&["serve"], args].concat())?;
         ConfigArgs::from_arg_matches(&matches)?.resolve(&matches)

@@ -16,6 +16,9 @@ pub(crate) struct WorkersConfig {
     /// Times a job is begun at most before it counts as failed
     #[arg(long, env = "TURNAROUND_MAX_ATTEMPTS", value_name = "N", default_value_t = 3)]
     pub max_attempts: u32,
+    /// Seconds that one attempt at a job may take
+    #[arg(long, env = "TURNAROUND_MAX_JOB_SECONDS", value_name = "SECONDS", default_value_t = 600)]
+    pub max_job_seconds: u64,
     /// Seconds until a silent worker's job is taken from it
     #[arg(long, env = "TURNAROUND_LEASE", value_name = "SECONDS", default_value_t = 30)]
     pub lease: u64,
@@ -23,6 +26,6 @@ pub(crate) struct WorkersConfig {
     #[arg(long, env = "TURNAROUND_HEARTBEAT", value_name = "SECONDS", default_value_t = 10)]
     pub heartbeat: u64,
     /// Seconds that running jobs have to finish when the service stops
-    #[arg(long, env = "TURNAROUND_SHUTDOWN_GRACE", value_name = "SECONDS", default_value_t = 30)]
+    #[arg(long, env = "TURNAROUND_SHUTDOWN_GRACE", value_name = "SECONDS", default_value_t = 5)]
     pub shutdown_grace: u64,
 }

@@ -94,13 +94,14 @@ impl SheetFolder {
         let read = |name: &str| fs::read(self.path.join(name));
         forget_peak_memory();
         let begin = Instant::now();
-        let tried = Decoded::read(&document, &read, &self.limits, threads).and_then(|decoded| {
-            let draft = decoded.turntable()?;
-            let seconds = begin.elapsed().as_secs_f64();
-            let peak_memory_mib = peak_memory_mib();
-            let mut trial = Trial { seconds, peak_memory_mib, ..Trial::default() };
-            Ok(self.measure(set, &draft, &mut trial).map(|()| trial))
-        });
+        let tried =
+            Decoded::read(&document, &read, &self.limits.into(), threads).and_then(|decoded| {
+                let draft = decoded.turntable()?;
+                let seconds = begin.elapsed().as_secs_f64();
+                let peak_memory_mib = peak_memory_mib();
+                let mut trial = Trial { seconds, peak_memory_mib, ..Trial::default() };
+                Ok(self.measure(set, &draft, &mut trial).map(|()| trial))
+            });
         match tried {
             Ok(measured) => measured,
             Err(DraftError::Input { code, detail }) => {

@@ -135,6 +135,54 @@ problem_types! {
     SHEET_TOO_LARGE = UNPROCESSABLE_ENTITY "sheet-too-large",
         "The sheet that is asked for is too large",
         "Ask for fewer views, smaller ones, or less supersampling.";
+    JOB_TOO_LARGE = UNPROCESSABLE_ENTITY "job-too-large",
+        "The job would need more memory than it may take",
+        "Views and options together need more memory than this service has for one job. Use smaller views, fewer disparities, or another mode or detector.";
+    UNAUTHORIZED = UNAUTHORIZED "unauthorized",
+        "A key is needed",
+        "Send a key as `Authorization: Bearer KEY`. Who runs the service makes keys, with `turnaround keys create`.";
+    INSUFFICIENT_SCOPE = FORBIDDEN "insufficient-scope",
+        "The key does not allow this",
+        "Keys of the scope read look, those of write upload, cancel and delete too, and those of admin make tenants and keys.";
+    TOO_MANY_REQUESTS = TOO_MANY_REQUESTS "too-many-requests",
+        "Too many requests",
+        "The tenant has used up its requests of this second, or its open streams. Go on after the time in Retry-After; to wait for a job, ask with Prefer: wait=N.";
+    TOO_MANY_JOBS = TOO_MANY_REQUESTS "too-many-jobs",
+        "Too many jobs wait already",
+        "As many jobs of the tenant wait as may. Send more when some have run, or cancel those not needed.";
+    INVALID_IDEMPOTENCY_KEY = BAD_REQUEST "invalid-idempotency-key",
+        "The Idempotency-Key cannot be read",
+        "Send one string of 1 to 255 visible characters, such as a new UUID for each upload.";
+    IDEMPOTENCY_KEY_REUSED = UNPROCESSABLE_ENTITY "idempotency-key-reused",
+        "The Idempotency-Key came with another upload",
+        "Within a day a key stands for one upload. Use a new key for each, and the same only to send the same again.";
+    IDEMPOTENT_JOB_GONE = CONFLICT "idempotent-job-gone",
+        "The job that this Idempotency-Key became is deleted",
+        "The upload was taken before, and its job deleted since. Use a new key to have it made again.";
+    INVALID_BODY = UNPROCESSABLE_ENTITY "invalid-body",
+        "The body is not what the operation takes",
+        "Send JSON as application/json, as the API description has it.";
+    UNKNOWN_TENANT = NOT_FOUND "unknown-tenant",
+        "There is no such tenant",
+        "/v1/admin/tenants lists those there are.";
+    TENANT_EXISTS = CONFLICT "tenant-exists",
+        "There is such a tenant already",
+        "Choose another name, or use the tenant that is there.";
+    TENANT_IN_USE = CONFLICT "tenant-in-use",
+        "The tenant cannot be deleted",
+        "A job of it runs: cancel it and wait. The tenant default stays for ever.";
+    UNKNOWN_KEY = NOT_FOUND "unknown-key",
+        "There is no such key",
+        "/v1/admin/keys lists those there are.";
+    HEADER_TOO_LARGE = REQUEST_HEADER_FIELDS_TOO_LARGE "header-too-large",
+        "The request's header is too long",
+        "Send fewer or shorter header fields.";
+    MISDIRECTED_REQUEST = MISDIRECTED_REQUEST "misdirected-request",
+        "The service is not called by this name",
+        "The Host header names another service. Call this one by its own name; who runs it allows names with --allowed-host.";
+    FOREIGN_ORIGIN = FORBIDDEN "foreign-origin",
+        "A page of another origin may change nothing",
+        "A browser sent this for a web page that is not of this service. Send a key with it, or have the page's origin allowed with --cors-origin.";
     INVALID_QUERY = BAD_REQUEST "invalid-query",
         "A query parameter is not valid",
         "A parameter is unknown or its value cannot be read. The API description lists what each operation takes.";
@@ -174,6 +222,9 @@ problem_types! {
     UNAVAILABLE = SERVICE_UNAVAILABLE "unavailable",
         "The service cannot answer now",
         "Its database or store cannot be reached, or it is shutting down. Try again after the time in Retry-After.";
+    INSUFFICIENT_STORAGE = INSUFFICIENT_STORAGE "insufficient-storage",
+        "There is no room left",
+        "The service's disk is full but for what it needs to go on. Deleting jobs makes room, and is always possible.";
     INTERNAL = INTERNAL_SERVER_ERROR "internal",
         "Something went wrong inside the service",
         "This is a fault of the service. Its log has the cause under the id in the X-Request-Id header.";
@@ -192,11 +243,14 @@ impl ProblemType {
     pub(super) fn of_status(status: StatusCode) -> Self {
         match status {
             StatusCode::NOT_FOUND => NOT_FOUND,
+            StatusCode::UNAUTHORIZED => UNAUTHORIZED,
+            StatusCode::TOO_MANY_REQUESTS => TOO_MANY_REQUESTS,
             StatusCode::METHOD_NOT_ALLOWED => METHOD_NOT_ALLOWED,
             StatusCode::PAYLOAD_TOO_LARGE => BODY_TOO_LARGE,
             StatusCode::UNSUPPORTED_MEDIA_TYPE => UNSUPPORTED_MEDIA_TYPE,
             StatusCode::REQUEST_TIMEOUT => REQUEST_TIMEOUT,
             StatusCode::SERVICE_UNAVAILABLE => BUSY,
+            StatusCode::INSUFFICIENT_STORAGE => INSUFFICIENT_STORAGE,
             status if status.is_server_error() => INTERNAL,
             _ => BAD_REQUEST,
         }

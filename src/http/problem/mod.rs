@@ -12,6 +12,7 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use jobs::StoreError;
+use jobs::bytes::ByteError;
 use options::{OptionProblemKind, OptionProblems};
 
 /// The longest detail sent, bytes: details may quote what the client sent.
@@ -127,9 +128,33 @@ impl Problem {
             .header(header::RETRY_AFTER, HeaderValue::from_static("5"))
     }
 
+    /// The service is about to stop.
+    pub fn stopping() -> Self {
+        Self::new(UNAVAILABLE, "the service is shutting down; try again when it is back")
+            .header(header::RETRY_AFTER, HeaderValue::from_static("10"))
+    }
+
+    /// No room is left for what the client sends.
+    pub fn full() -> Self {
+        let detail = "the service has no room left on its disk; delete jobs that are not needed, or try again later";
+        Self::new(INSUFFICIENT_STORAGE, detail)
+            .header(header::RETRY_AFTER, HeaderValue::from_static("60"))
+    }
+
     /// Too much is going on.
     pub fn busy(detail: &str) -> Self {
         Self::new(BUSY, detail).header(header::RETRY_AFTER, HeaderValue::from_static("5"))
+    }
+
+    /// The body of the answer to a request for `instance`.
+    pub(super) fn body(&self, instance: &str) -> Vec<u8> {
+        serde_json::to_vec(&self.document(instance)).unwrap_or_default()
+    }
+
+    /// The client's own part of something is used up.
+    pub fn too_much(detail: &str) -> Self {
+        Self::new(TOO_MANY_REQUESTS, detail)
+            .header(header::RETRY_AFTER, HeaderValue::from_static("5"))
     }
 
     fn document(&self, instance: &str) -> ProblemDocument {
@@ -159,8 +184,30 @@ impl From<StoreError> for Problem {
                 STILL_RUNNING,
                 format!("{id} is running; cancel it and wait, then delete it"),
             ),
-            StoreError::LeaseLost { .. } => Self::internal("job store", &error),
+            StoreError::Full => Self::full(),
+            StoreError::NoTenant(_) => Self::new(UNKNOWN_TENANT, error.to_string()),
+            StoreError::TenantExists(_) => Self::new(TENANT_EXISTS, error.to_string()),
+            StoreError::TenantInUse(_) => Self::new(TENANT_IN_USE, error.to_string()),
+            StoreError::NoKey(_) => Self::new(UNKNOWN_KEY, error.to_string()),
+            StoreError::TooManyQueued { .. } => Self::new(TOO_MANY_JOBS, error.to_string())
+                .header(header::RETRY_AFTER, HeaderValue::from_static("10")),
+            StoreError::OtherUpload(key) => Self::new(
+                IDEMPOTENCY_KEY_REUSED,
+                format!("the Idempotency-Key `{key}` came with another upload; use a new one"),
+            ),
+            StoreError::LeaseLost { .. } | StoreError::Unreadable(_) => {
+                Self::internal("job store", &error)
+            }
             StoreError::Backend(cause) => Self::unavailable("job store", &cause),
+        }
+    }
+}
+
+impl From<ByteError> for Problem {
+    fn from(error: ByteError) -> Self {
+        match error {
+            ByteError::Full => Self::full(),
+            other => Self::unavailable("byte store", &other),
         }
     }
 }

@@ -24,7 +24,7 @@ pub(crate) async fn render(request: Request, next: Next) -> Response {
         Some(problem) => problem,
         None => framework_problem(&mut response).await,
     };
-    let body = serde_json::to_vec(&problem.document(&instance)).unwrap_or_default();
+    let body = problem.body(&instance);
     let headers = response.headers_mut();
     for name in [header::CONTENT_LENGTH, header::CONTENT_ENCODING, header::ETAG] {
         headers.remove(name);

@@ -14,8 +14,8 @@ use crate::draft;
 use crate::draft::options::{Method, Options};
 use crate::http::HttpLimits;
 use crate::http::problem::{
-    DIFFERING_SIZES, DUPLICATE_AZIMUTH, INVALID_ANGLE, INVALID_SHEET, INVALID_TRUTH, MISSING_PART,
-    Problem, TOO_FEW_VIEWS, TOO_MANY_VIEWS,
+    DIFFERING_SIZES, DUPLICATE_AZIMUTH, INVALID_ANGLE, INVALID_SHEET, INVALID_TRUTH, JOB_TOO_LARGE,
+    MISSING_PART, Problem, TOO_FEW_VIEWS, TOO_MANY_VIEWS,
 };
 use frames::Azimuth;
 use sheet::{
@@ -75,7 +75,7 @@ pub(super) fn assemble(mut parts: Parts, limits: &HttpLimits) -> Result<Assemble
 
 fn assemble_views(parts: &mut Parts, limits: &HttpLimits) -> Result<Assembled, Problem> {
     let options = parse_options(parts, None)?;
-    let fields = TruthFields::parse(parts.truth.take())?;
+    let fields = TruthFields::parse(parts.truth.as_ref())?;
     let model = parts.truth_model.take().map(ModelFile::new).transpose()?;
     let mut masks: BTreeMap<Azimuth, FilePart> = parts.masks.drain(..).collect();
     let mut truths: BTreeMap<Azimuth, FilePart> = parts.truths.drain(..).collect();
@@ -89,7 +89,7 @@ fn assemble_views(parts: &mut Parts, limits: &HttpLimits) -> Result<Assembled, P
             ..ViewDocument::default()
         })
         .collect();
-    let matches = matches::parse(std::mem::take(&mut parts.matches))?;
+    let matches = matches::parse(&parts.matches)?;
     let mut document = SheetDocument { views, matches, ..SheetDocument::default() };
     fields.describe(&mut document, model.as_ref());
     let placed = check(&document, options.method, limits, None)?;
@@ -112,8 +112,9 @@ fn assemble_views(parts: &mut Parts, limits: &HttpLimits) -> Result<Assembled, P
 
 /// Truth that the document names and the upload does not bring is left out.
 fn assemble_sheet(mut parts: Parts, limits: &HttpLimits) -> Result<Assembled, Problem> {
-    let mut document = parse_sheet(parts.sheet.take().unwrap_or_default())?;
-    let given = matches::parse(std::mem::take(&mut parts.matches))?;
+    let sheet = parts.sheet.take().map(|sheet| sheet.parse::<SheetDocument>(INVALID_SHEET));
+    let mut document = sheet.transpose()?.unwrap_or_default();
+    let given = matches::parse(&parts.matches)?;
     matches::lay_over(&mut document.matches, given);
     let options = parse_options(&mut parts, document.options.take())?;
     let placed = check(&document, options.method, limits, Some("sheet"))?;
@@ -187,13 +188,6 @@ fn sheet_problem(error: &SheetProblem) -> Problem {
     Problem::new(kind, error.to_string())
 }
 
-fn parse_sheet(value: Value) -> Result<SheetDocument, Problem> {
-    serde_path_to_error::deserialize(value).map_err(|error| {
-        let detail = format!("in the sheet document, at `{}`: {}", error.path(), error.inner());
-        Problem::new(INVALID_SHEET, detail).part("sheet")
-    })
-}
-
 /// Reads all options given, lying over `base`.
 pub(super) fn parse_options(parts: &mut Parts, base: Option<Value>) -> Result<Options, Problem> {
     let given = std::mem::take(&mut parts.given);
@@ -253,6 +247,7 @@ impl Assembled {
         inputs.extend(model.map(|model| model.store(&mut document)));
         check_sizes(&drawings, &requirements(options.method, limits))?;
         let sizes: Vec<_> = drawings.iter().map(|(azimuth, _, size)| (*azimuth, *size)).collect();
+        check_memory(&sizes, &options, limits)?;
         matches::check(&document.matches, &sizes, &options)?;
         describe(&mut document, &drawings, &options)?;
         Ok((document, inputs))
@@ -294,6 +289,19 @@ fn view_document(view: &PlacedView, image: String) -> ViewDocument {
         elevation_deg: Some(view.elevation_deg),
         ..ViewDocument::default()
     }
+}
+
+/// Refuses what could not run here, before it waits for a worker.
+pub(super) fn check_memory(
+    views: &[(Azimuth, PictureSize)],
+    options: &Options,
+    limits: &HttpLimits,
+) -> Result<(), Problem> {
+    let largest = |side: fn(&PictureSize) -> u32| views.iter().map(|(_, size)| side(size)).max();
+    let size = (largest(|it| it.width).unwrap_or(0), largest(|it| it.height).unwrap_or(0));
+    let (threads, most) = (limits.threads_per_job, limits.draft.max_working_bytes);
+    draft::check_memory(views.len(), size, options, threads, most)
+        .map_err(|error| Problem::new(JOB_TOO_LARGE, error.to_string()))
 }
 
 fn check_sizes(

@@ -1,30 +1,21 @@
 //! The parts `matches` of an upload: matches that a person corrected.
 
-use serde_json::Value;
+use bytes::Bytes;
 
+use super::document::Document;
 use crate::draft::options::Options;
 use crate::http::problem::{INVALID_SHEET, Problem};
+use crate::kinds::MATCHES_INPUT;
 use frames::Azimuth;
-use sheet::{PairMatchesDocument, PictureSize};
+use sheet::{PairMatchesDocument, PictureSize, SheetDocument};
 
 /// Reads the parts `matches`: each one pair's document, or a list of them.
-pub(super) fn parse(parts: Vec<Value>) -> Result<Vec<PairMatchesDocument>, Problem> {
+pub(super) fn parse(parts: &[Document]) -> Result<Vec<PairMatchesDocument>, Problem> {
     let mut pairs = Vec::new();
     for part in parts {
-        let entries = match part {
-            Value::Array(entries) => entries,
-            entry => vec![entry],
-        };
-        for entry in entries {
-            pairs.push(serde_path_to_error::deserialize(entry).map_err(|error| {
-                let index = pairs.len();
-                let detail = format!(
-                    "in the part `matches`, in pair {index}, at `{}`: {}",
-                    error.path(),
-                    error.inner()
-                );
-                Problem::new(INVALID_SHEET, detail).part("matches")
-            })?);
+        match part.first() {
+            Some(b'[') => pairs.extend(part.parse::<Vec<_>>(INVALID_SHEET)?),
+            _ => pairs.push(part.parse(INVALID_SHEET)?),
         }
     }
     Ok(pairs)
@@ -48,4 +39,16 @@ pub(super) fn check(
     sheet::check_matches(documents, views, options.max_pair_angle_deg)
         .map(|_| ())
         .map_err(|error| Problem::new(INVALID_SHEET, error.to_string()).part("matches"))
+}
+
+/// Takes the matches out of a document, to be stored as an input beside the
+/// pictures: they may be large, and a job's payload is read with every status.
+pub(super) fn set_apart(document: &mut SheetDocument) -> Result<Option<(String, Bytes)>, Problem> {
+    let matches = std::mem::take(&mut document.matches);
+    if matches.is_empty() {
+        return Ok(None);
+    }
+    let bytes =
+        serde_json::to_vec(&matches).map_err(|error| Problem::internal("matches", &error))?;
+    Ok(Some((MATCHES_INPUT.to_owned(), bytes.into())))
 }

@@ -5,6 +5,7 @@
 //! end. Only then is anything stored: first the inputs, then the job that needs them.
 
 mod assemble;
+mod document;
 mod files;
 mod intake;
 mod matches;
@@ -14,29 +15,34 @@ mod page;
 mod parts;
 mod pictures;
 mod source;
+mod terms;
 mod truths;
 
 pub(super) use intake::Budget;
 pub(super) use model::ModelForm;
 pub(super) use parts::Parts;
 pub(super) use pictures::Decoders;
+pub(super) use terms::IDEMPOTENCY_KEY;
 
 use std::future::Future;
 
+use axum::body::Body;
 use axum::extract::Request;
 use axum::http::{HeaderMap, HeaderValue, header};
 use bytes::Bytes;
-use futures::{StreamExt, stream};
+use futures::{StreamExt, TryStreamExt, stream};
 use multer::{Field, Multipart};
 use serde::Serialize;
 use serde_json::Value;
 use tokio::sync::OwnedSemaphorePermit;
 
 use self::intake::{Intake, too_large};
-use super::problem::{Problem, REQUEST_TIMEOUT, UNSUPPORTED_MEDIA_TYPE};
+use self::terms::Terms;
+use super::access::Caller;
+use super::problem::{IDEMPOTENT_JOB_GONE, Problem, REQUEST_TIMEOUT, UNSUPPORTED_MEDIA_TYPE};
 use super::{Api, HttpLimits};
 use jobs::bytes::{ByteError, ByteStore, Key};
-use jobs::{Job, JobId, NewJob};
+use jobs::{Idempotency, Job, JobId, NewJob, StoreError};
 
 /// How many inputs are written at a time: each waits for the disk.
 const CONCURRENT_WRITES: usize = 8;
@@ -51,7 +57,11 @@ pub(super) trait Form: Default + Send {
     ) -> impl Future<Output = Result<(), Problem>> + Send;
 
     /// Checks the parts against each other and decodes them to their ends.
-    fn check(self, api: &Api) -> impl Future<Output = Result<Upload, Problem>> + Send;
+    fn check(
+        self,
+        api: &Api,
+        caller: &Caller,
+    ) -> impl Future<Output = Result<Upload, Problem>> + Send;
 }
 
 /// A checked upload: the job that it will be.
@@ -64,8 +74,12 @@ pub(super) struct Upload {
 /// Where a job's inputs come from.
 enum Inputs {
     Uploaded(Vec<(String, Bytes)>),
-    /// The inputs of an earlier job, by name.
-    Copied(JobId, Vec<String>),
+    /// The inputs of an earlier job, by name, and those that are not its own.
+    Copied {
+        source: JobId,
+        names: Vec<String>,
+        own: Vec<(String, Bytes)>,
+    },
 }
 
 impl Upload {
@@ -78,9 +92,14 @@ impl Upload {
 
 /// Receives an upload and enqueues its job. Job and inputs are durable on return.
 pub(super) async fn receive<F: Form>(api: &Api, request: Request) -> Result<Job, Problem> {
+    expect_room(api, request.headers())?;
+    let (head, body) = request.into_parts();
+    let terms = Terms::of(&head)?;
     let receiving = async {
-        let (form, hold) = read_form::<F>(api, request).await?;
-        Ok((form.check(api).await?, hold))
+        let (form, hold) = read_form::<F>(api, &head.headers, body).await?;
+        // Parsed documents take more room than their bytes: a few at a time.
+        let _slot = api.checks.acquire().await;
+        Ok((form.check(api, &terms.caller).await?, hold))
     };
     let received = tokio::time::timeout(api.limits.upload_timeout, receiving).await;
     let (upload, _hold) = received.unwrap_or_else(|_| {
@@ -89,17 +108,32 @@ pub(super) async fn receive<F: Form>(api: &Api, request: Request) -> Result<Job,
         Err(Problem::new(REQUEST_TIMEOUT, detail))
     })?;
     // Beyond the timeout: nobody is told that a job failed to come that did.
-    enqueue(api, upload).await
+    enqueue(api, upload, &terms).await
+}
+
+/// Refuses uploads while the service stops and while its disk is about full:
+/// the rest is kept for what makes room and for jobs that run.
+fn expect_room(api: &Api, headers: &HeaderMap) -> Result<(), Problem> {
+    if api.state.draining.is_cancelled() {
+        return Err(Problem::stopping());
+    }
+    let length = headers.get(header::CONTENT_LENGTH).and_then(|value| value.to_str().ok());
+    let coming = length.and_then(|length| length.parse().ok()).unwrap_or(0);
+    let needed = api.limits.min_free_bytes.saturating_add(coming);
+    match api.state.bytes.free_bytes()? {
+        Some(free) if free < needed => Err(Problem::full()),
+        _ => Ok(()),
+    }
 }
 
 async fn read_form<F: Form>(
     api: &Api,
-    request: Request,
+    headers: &HeaderMap,
+    body: Body,
 ) -> Result<(F, Option<OwnedSemaphorePermit>), Problem> {
-    let (head, body) = request.into_parts();
     let limit = api.limits.max_body_bytes;
     let mut intake = Intake::new(body, limit, api.budget.clone());
-    let read = match check_head(&head.headers, limit) {
+    let read = match check_head(headers, limit) {
         Ok(boundary) => parts::read(Multipart::new(&mut intake, boundary), &api.limits).await,
         Err(problem) => Err(problem),
     };
@@ -107,7 +141,7 @@ async fn read_form<F: Form>(
         Ok(form) => Ok((form, intake.into_hold())),
         Err(problem) => {
             // A client that waits for 100 Continue sends nothing after this.
-            if !head.headers.contains_key(header::EXPECT) {
+            if !headers.contains_key(header::EXPECT) {
                 intake.drain().await;
             }
             Err(problem)
@@ -133,51 +167,96 @@ fn check_head(headers: &HeaderMap, limit: u64) -> Result<String, Problem> {
     }
 }
 
-async fn enqueue(api: &Api, upload: Upload) -> Result<Job, Problem> {
+async fn enqueue(api: &Api, upload: Upload, terms: &Terms) -> Result<Job, Problem> {
+    let Terms { caller, key, priority, tags } = terms;
+    let (upload, idempotency) = match key {
+        None => (upload, None),
+        Some(key) => {
+            let (key, priority) = (key.clone(), *priority);
+            let named = move || {
+                let fingerprint = terms::fingerprint(&upload, priority);
+                (upload, Some(Idempotency { key, fingerprint }))
+            };
+            api.decoders.run(named).await?
+        }
+    };
+    if let Some(given) = &idempotency
+        && let Some(job) =
+            api.state.store.enqueued(&caller.tenant, given).await.map_err(idempotency_problem)?
+    {
+        return Ok(job);
+    }
     let id = JobId::new();
     let Upload { kind, payload, inputs } = upload;
     let stored = async {
+        api.state.store.expect_bytes(id).await?;
         store_inputs(api, id, inputs).await?;
         let max_attempts = api.state.max_attempts;
-        let job = NewJob { id, kind: kind.to_owned(), payload, max_attempts };
-        Ok(api.state.store.enqueue(job).await?)
+        let job = NewJob {
+            tenant: caller.tenant.clone(),
+            priority: *priority,
+            tags: tags.clone(),
+            max_queued: caller.limits.max_queued,
+            idempotency,
+            ..NewJob::new(id, kind, payload, max_attempts)
+        };
+        api.state.store.enqueue(job).await.map_err(idempotency_problem)
     };
     let result = stored.await;
-    if result.is_err()
-        && let Err(error) = api.state.bytes.delete_job(id).await
-    {
-        // The collector of ownerless bytes finds them later.
-        tracing::warn!(%id, %error, "inputs of a refused job stay for now");
+    // Refused, or the same as one that was faster.
+    if result.as_ref().map_or(true, |job| job.id != id) {
+        // Otherwise the collector of ownerless bytes finds them later.
+        let forgotten = async {
+            api.state.bytes.delete_job(id).await.map_err(|error| error.to_string())?;
+            api.state.store.forget_bytes(id).await.map_err(|error| error.to_string())
+        };
+        if let Err(error) = forgotten.await {
+            tracing::warn!(%id, error, "inputs of a refused job stay for now");
+        }
     }
     result
+}
+
+fn idempotency_problem(error: StoreError) -> Problem {
+    match error {
+        StoreError::NotFound(id) => {
+            let detail = format!("the job {id} that this key became is deleted; use another key");
+            Problem::new(IDEMPOTENT_JOB_GONE, detail)
+        }
+        other => other.into(),
+    }
 }
 
 async fn store_inputs(api: &Api, job: JobId, inputs: Inputs) -> Result<(), Problem> {
     let bytes = &api.state.bytes;
     match inputs {
-        Inputs::Uploaded(inputs) => {
-            let writes: Vec<_> = inputs
-                .into_iter()
-                .map(|(name, content)| write_input(bytes.clone(), job, name, content))
-                .collect();
-            let mut writes = stream::iter(writes).buffer_unordered(CONCURRENT_WRITES);
-            while let Some(written) = writes.next().await {
-                written.map_err(|error| Problem::unavailable("byte store", &error))?;
-            }
-        }
-        Inputs::Copied(source, names) => {
+        Inputs::Uploaded(inputs) => write_inputs(bytes, job, inputs).await?,
+        Inputs::Copied { source, names, own } => {
+            write_inputs(bytes, job, own).await?;
             for name in &names {
                 let from = Key::Input { job: source, name };
                 bytes.copy(&from, &Key::Input { job, name }).await.map_err(
                     |error| match error {
                         ByteError::NotFound(_) => source::gone(source),
-                        other => Problem::unavailable("byte store", &other),
+                        other => other.into(),
                     },
                 )?;
             }
         }
     }
     Ok(())
+}
+
+async fn write_inputs(
+    bytes: &ByteStore,
+    job: JobId,
+    inputs: Vec<(String, Bytes)>,
+) -> Result<(), ByteError> {
+    let writes: Vec<_> = inputs
+        .into_iter()
+        .map(|(name, content)| write_input(bytes.clone(), job, name, content))
+        .collect();
+    stream::iter(writes).buffer_unordered(CONCURRENT_WRITES).try_collect().await
 }
 
 async fn write_input(

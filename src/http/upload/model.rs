@@ -7,6 +7,7 @@ use serde_json::{Map, Value};
 use super::option_parts::GivenOptions;
 use super::parts::{expect_new, is_option_name, part_name, read_limited, read_text};
 use super::{Form, Inputs, Upload};
+use crate::http::access::Caller;
 use crate::http::problem::{
     CAMERA_INSIDE_MODEL, DUPLICATE_AZIMUTH, EMPTY_FILE, EXTERNAL_REFERENCE, INVALID_ANGLE,
     INVALID_MODEL, INVALID_OPTION, INVALID_PART_NAME, MISSING_PART, MODEL_TOO_LARGE,
@@ -69,7 +70,7 @@ impl Form for ModelForm {
         Ok(())
     }
 
-    async fn check(self, api: &Api) -> Result<Upload, Problem> {
+    async fn check(self, api: &Api, _: &Caller) -> Result<Upload, Problem> {
         let Some(model) = self.model else {
             let detail = "no model was sent; add -F 'model=@NAME.glb' or -F model=builtin:teapot";
             return Err(Problem::new(MISSING_PART, detail).part("model"));

@@ -2,18 +2,20 @@
 
 use bytes::{Bytes, BytesMut};
 use multer::{Field, Multipart};
-use serde_json::Value;
 
 use super::assemble::assemble;
+use super::document::Document;
 use super::intake::multipart_problem;
+use super::matches;
 use super::option_parts::GivenOptions;
 use super::page::PageParts;
 use super::pictures::{check_start, image_problem};
 use super::{Form, Inputs, Upload, source, truths};
+use crate::http::access::Caller;
 use crate::http::problem::{
     BODY_TOO_LARGE, CONFLICTING_PARTS, DUPLICATE_AZIMUTH, DUPLICATE_PART, EMPTY_FILE,
-    INVALID_ANGLE, INVALID_JSON, INVALID_PART_NAME, PART_TOO_LARGE, Problem, TOO_MANY_VIEWS,
-    UNKNOWN_PART,
+    INVALID_ANGLE, INVALID_JSON, INVALID_PART_NAME, MISSING_PART, PART_TOO_LARGE, Problem,
+    TOO_MANY_VIEWS, UNKNOWN_PART,
 };
 use crate::http::{Api, HttpLimits};
 use crate::kinds::{RECONSTRUCTION, ReconstructionPayload};
@@ -42,12 +44,15 @@ pub(crate) struct Parts {
     /// The true model, under its file's name.
     pub truth_model: Option<FilePart>,
     /// How true values are to be read.
-    pub truth: Option<Value>,
+    pub truth: Option<Document>,
     /// Files that a sheet document places.
     pub files: Vec<FilePart>,
-    pub sheet: Option<Value>,
+    pub sheet: Option<Document>,
     /// Matches of pairs, in any form of upload.
-    pub matches: Vec<Value>,
+    pub matches: Vec<Document>,
+    /// Drawings whose azimuths come in parts of their own, in the same order.
+    pub loose_views: Vec<FilePart>,
+    pub loose_azimuths: Vec<Azimuth>,
     pub given: GivenOptions,
     pub page: PageParts,
     pub source: Option<String>,
@@ -55,6 +60,8 @@ pub(crate) struct Parts {
 
 enum Kind {
     View(Azimuth),
+    LooseView,
+    LooseAzimuths,
     Mask(Azimuth),
     Truth(Azimuth),
     TruthModel(String),
@@ -100,6 +107,20 @@ impl Form for Parts {
                 let picture = read_picture(field, name, limits).await?;
                 self.views.push((azimuth, picture));
             }
+            Kind::LooseView => {
+                if self.loose_views.len() == limits.max_views {
+                    return Err(too_many(&name, limits));
+                }
+                let file = format!("{name}, number {}", self.loose_views.len() + 1);
+                self.loose_views.push(read_picture(field, file, limits).await?);
+            }
+            Kind::LooseAzimuths => {
+                let text = read_text(field, &name).await?;
+                // Some clients send a list as one part.
+                for angle in text.trim_matches(['[', ']']).split(',') {
+                    self.loose_azimuths.push(parse_azimuth(angle, &name)?);
+                }
+            }
             Kind::Mask(azimuth) => {
                 expect_new(!self.masks.iter().any(|(a, _)| *a == azimuth), &name)?;
                 self.expect_room(&name, limits)?;
@@ -118,7 +139,7 @@ impl Form for Parts {
             }
             Kind::TruthFields => {
                 expect_new(self.truth.is_none(), &name)?;
-                self.truth = Some(read_json(field, &name, limits).await?);
+                self.truth = Some(Document::read(field, &name, limits).await?);
             }
             Kind::Picture(file) => {
                 self.expect_new_file(&file, &name, limits)?;
@@ -135,10 +156,11 @@ impl Form for Parts {
             }
             Kind::Sheet => {
                 expect_new(self.sheet.is_none(), &name)?;
-                self.sheet = Some(read_json(field, &name, limits).await?);
+                self.sheet = Some(Document::read(field, &name, limits).await?);
             }
             Kind::Matches => {
-                self.matches.push(read_json(field, &name, limits).await?);
+                self.matches.push(Document::read(field, &name, limits).await?);
+                expect_budget(&self.matches, &name, limits.max_matches_bytes)?;
             }
             Kind::Options => self.given.read_document(field, &name, limits).await?,
             Kind::Page => {
@@ -158,33 +180,64 @@ impl Form for Parts {
         Ok(())
     }
 
-    async fn check(mut self, api: &Api) -> Result<Upload, Problem> {
+    async fn check(mut self, api: &Api, caller: &Caller) -> Result<Upload, Problem> {
+        self.place_loose_views(&api.limits)?;
         if let Some(part) = self.page.any() {
             let others = [self.source.as_ref().map(|_| "source".to_owned()), self.any_of_others()];
             self.expect_only(&part, [others[0].as_ref(), others[1].as_ref(), None])?;
             let page = std::mem::take(&mut self.page);
             self.views = page.views(&api.decoders, &api.limits).await?;
         }
+        let has_matches;
         let (document, source, inputs) = match self.source.take() {
             Some(source) => {
-                let (id, document) = source::rerun(api, &source, self).await?;
+                let (id, mut document) = source::rerun(api, caller, &source, self).await?;
                 let names = source::input_names(&document);
-                (document, Some(id.0), Inputs::Copied(id, names))
+                let matches = matches::set_apart(&mut document)?;
+                has_matches = matches.is_some();
+                let own = matches.into_iter().collect();
+                (document, Some(id.0), Inputs::Copied { source: id, names, own })
             }
             None => {
-                let assembled = assemble(self, &api.limits)?;
+                let limits = api.limits;
+                let assembled = api.decoders.run(move || assemble(self, &limits)).await??;
                 let pictures = assembled.pictures();
                 let decoded = api.decoders.decode_all(&pictures, &api.limits.image).await?;
                 let truths = truths::check_all(&api.decoders, &assembled, &api.limits).await?;
-                let (document, inputs) = assembled.finish(&decoded, &truths, &api.limits)?;
+                let (mut document, mut inputs) =
+                    assembled.finish(&decoded, &truths, &api.limits)?;
+                let matches = matches::set_apart(&mut document)?;
+                has_matches = matches.is_some();
+                inputs.extend(matches);
                 (document, None, Inputs::Uploaded(inputs))
             }
         };
-        Upload::new(RECONSTRUCTION, &ReconstructionPayload { document, source }, inputs)
+        Upload::new(
+            RECONSTRUCTION,
+            &ReconstructionPayload { document, source, has_matches },
+            inputs,
+        )
     }
 }
 
 impl Parts {
+    /// Gives the parts `view` the azimuths of the parts `azimuth_deg`.
+    fn place_loose_views(&mut self, limits: &HttpLimits) -> Result<(), Problem> {
+        let (views, azimuths) = (self.loose_views.len(), self.loose_azimuths.len());
+        if views != azimuths {
+            let detail = format!(
+                "there are {views} parts `view` and {azimuths} azimuths in parts `azimuth_deg`; send one for each"
+            );
+            return Err(Problem::new(MISSING_PART, detail).part("azimuth_deg"));
+        }
+        let views = std::mem::take(&mut self.loose_views);
+        for (azimuth, file) in std::mem::take(&mut self.loose_azimuths).into_iter().zip(views) {
+            self.expect_new_view(azimuth, &file.file, limits)?;
+            self.views.push((azimuth, file));
+        }
+        Ok(())
+    }
+
     fn expect_new_view(
         &self,
         azimuth: Azimuth,
@@ -248,6 +301,15 @@ impl Parts {
     }
 }
 
+/// Parts of which there may be many are held against one limit together.
+fn expect_budget(documents: &[Document], part: &str, limit: usize) -> Result<(), Problem> {
+    if documents.iter().map(Document::len).sum::<usize>() <= limit {
+        return Ok(());
+    }
+    let detail = format!("the parts `{part}` are over their limit of {limit} bytes together");
+    Err(Problem::new(PART_TOO_LARGE, detail).part(part))
+}
+
 fn too_many(part: &str, limits: &HttpLimits) -> Problem {
     let detail = format!("the upload has more than {} views; leave some out", limits.max_views);
     Problem::new(TOO_MANY_VIEWS, detail).part(part)
@@ -291,6 +353,8 @@ fn kind(name: &str, file_name: Option<&str>) -> Result<Kind, Problem> {
         return parse_azimuth(angle, name).map(Kind::Truth);
     }
     match (name, file_name) {
+        ("view", Some(_)) => Ok(Kind::LooseView),
+        ("azimuth_deg", None) => Ok(Kind::LooseAzimuths),
         ("sheet", _) => Ok(Kind::Sheet),
         ("truth", Some(file)) if !file.is_empty() => Ok(Kind::File(file.to_owned())),
         ("truth", _) => Ok(Kind::TruthFields),
@@ -373,18 +437,6 @@ fn expect_bytes(bytes: &[u8], file: &str) -> Result<(), Problem> {
 
 fn model_bytes(limits: &HttpLimits) -> u64 {
     limits.model.max_bytes as u64
-}
-
-pub(super) async fn read_json(
-    field: Field<'_>,
-    part: &str,
-    limits: &HttpLimits,
-) -> Result<Value, Problem> {
-    let bytes = read_limited(field, part, limits.max_document_bytes).await?;
-    serde_json::from_slice(&bytes).map_err(|error| {
-        let detail = format!("`{part}` is not valid JSON: {error}");
-        Problem::new(INVALID_JSON, detail).part(part)
-    })
 }
 
 pub(super) async fn read_text(field: Field<'_>, part: &str) -> Result<String, Problem> {

@@ -2,13 +2,15 @@
 
 use serde_json::Value;
 
-use super::assemble::{check, parse_options};
+use super::assemble::{check, check_memory, parse_options};
 use super::matches;
 use super::parts::Parts;
 use crate::http::Api;
+use crate::http::access::Caller;
 use crate::http::problem::{DIFFERING_SIZES, Problem, UNKNOWN_SOURCE};
-use crate::kinds::{RECONSTRUCTION, ReconstructionPayload};
+use crate::kinds::{MATCHES_INPUT, RECONSTRUCTION, ReconstructionPayload};
 use frames::Azimuth;
+use jobs::bytes::{ByteError, Key};
 use jobs::{JobId, StoreError};
 use sheet::{PictureSize, SheetDocument};
 
@@ -16,6 +18,7 @@ use sheet::{PictureSize, SheetDocument};
 /// with the given ones laid over them.
 pub(super) async fn rerun(
     api: &Api,
+    caller: &Caller,
     source: &str,
     mut parts: Parts,
 ) -> Result<(JobId, SheetDocument), Problem> {
@@ -28,23 +31,43 @@ pub(super) async fn rerun(
         StoreError::NotFound(_) => unknown(source),
         other => other.into(),
     })?;
-    if job.kind != RECONSTRUCTION {
+    if job.kind != RECONSTRUCTION || job.tenant != caller.tenant {
         return Err(unknown(source));
     }
     let payload: ReconstructionPayload = serde_json::from_value(job.payload)
         .map_err(|error| Problem::internal("stored sheet document", &error))?;
     let mut document = payload.document;
+    let given = std::mem::take(&mut parts.matches);
+    let stored = match payload.has_matches {
+        true => Some(api.state.bytes.get(&Key::Input { job: id, name: MATCHES_INPUT }).await),
+        false => None,
+    };
+    let stored = stored.transpose().map_err(|error| match error {
+        ByteError::NotFound(_) => gone(id),
+        other => other.into(),
+    })?;
     let options = parse_options(&mut parts, document.options.take())?;
     check(&document, options.method, &api.limits, Some("source"))?;
     if options.method.needs_equal_sizes() && document.width.is_none() {
         let detail = "the views of the source differ in size, and the method takes views of one";
         return Err(Problem::new(DIFFERING_SIZES, detail).part("source"));
     }
-    matches::lay_over(&mut document.matches, matches::parse(std::mem::take(&mut parts.matches))?);
-    matches::check(&document.matches, &sizes(&document), &options)?;
-    let options = serde_json::to_value(options).unwrap_or(Value::Null);
-    document.options = Some(options);
-    Ok((id, document))
+    if document.width.is_some() {
+        check_memory(&sizes(&document), &options, &api.limits)?;
+    }
+    // Matches may be many: not on a thread that answers others.
+    let laid_over = move || {
+        if let Some(stored) = stored {
+            document.matches = serde_json::from_slice(&stored)
+                .map_err(|error| Problem::internal("stored matches", &error))?;
+        }
+        matches::lay_over(&mut document.matches, matches::parse(&given)?);
+        matches::check(&document.matches, &sizes(&document), &options)?;
+        let options = serde_json::to_value(options).unwrap_or(Value::Null);
+        document.options = Some(options);
+        Ok((id, document))
+    };
+    api.decoders.run(laid_over).await?
 }
 
 /// The views of a stored document, by rising azimuth, with their one size.

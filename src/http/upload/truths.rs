@@ -5,9 +5,9 @@ use std::sync::Arc;
 use bytes::Bytes;
 use futures::{StreamExt, TryStreamExt, stream};
 use serde::Deserialize;
-use serde_json::Value;
 
 use super::assemble::{Assembled, Picture};
+use super::document::Document;
 use super::parts::FilePart;
 use super::pictures::Decoders;
 use crate::http::HttpLimits;
@@ -56,16 +56,13 @@ pub(super) struct TruthFields {
 }
 
 impl TruthFields {
-    pub(super) fn parse(value: Option<Value>) -> Result<Self, Problem> {
-        let Some(value) = value else { return Ok(Self::default()) };
-        if !value.is_object() {
+    pub(super) fn parse(document: Option<&Document>) -> Result<Self, Problem> {
+        let Some(document) = document else { return Ok(Self::default()) };
+        if document.first() != Some(b'{') {
             let detail = "the part `truth` must be a JSON object";
             return Err(Problem::new(INVALID_TRUTH, detail).part("truth"));
         }
-        serde_path_to_error::deserialize(value).map_err(|error| {
-            let detail = format!("in the part `truth`, at `{}`: {}", error.path(), error.inner());
-            Problem::new(INVALID_TRUTH, detail).part("truth")
-        })
+        document.parse(INVALID_TRUTH)
     }
 
     /// Puts them into a sheet document.

@@ -1,7 +1,6 @@
 //! The work of jobs that draw a sheet.
 
 use std::fmt::Display;
-use std::io;
 use std::thread;
 
 use rayon::ThreadPoolBuilder;
@@ -40,7 +39,7 @@ impl Work for Draw {
         let azimuths: Vec<_> = azimuths.collect::<Result<_, _>>().map_err(|e| unreadable(&e))?;
         let model = PreparedModel::new(&self.load(&payload.model, attempt)?)?;
         let pool = ThreadPoolBuilder::new().num_threads(attempt.threads().max(1)).build();
-        let pool = pool.map_err(|error| WorkError::Broken(error.to_string()))?;
+        let pool = pool.map_err(|error| WorkError::Troubled(error.to_string()))?;
         let mut sink = AttemptSink(attempt);
         thread::scope(|scope| {
             let delivery = Delivery::start(scope, &mut sink);
@@ -88,11 +87,5 @@ impl From<DrawError> for WorkError {
 impl From<ModelError> for WorkError {
     fn from(error: ModelError) -> Self {
         Self::Input(failure(FailureCode::InvalidModel, error))
-    }
-}
-
-impl From<io::Error> for WorkError {
-    fn from(error: io::Error) -> Self {
-        Self::Broken(error.to_string())
     }
 }

@@ -1,20 +1,21 @@
 //! The work of jobs that reconstruct a sheet.
 
+use std::fmt::Display;
+
 use serde::Deserialize;
 
 use super::failure;
 use super::sink::AttemptSink;
 use super::watch::Watch;
-use crate::draft::{self, DraftError};
-use crate::kinds::{RECONSTRUCTION, ReconstructionPayload, ReconstructionSummary};
+use crate::draft::{self, DraftError, DraftLimits};
+use crate::kinds::{MATCHES_INPUT, RECONSTRUCTION, ReconstructionPayload, ReconstructionSummary};
 use crate::worker::{Attempt, Work, WorkError};
-use picture::ImageLimits;
 
 /// Reconstructs a sheet from the job's inputs.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Reconstruct {
-    /// What one drawing may cost.
-    pub limits: ImageLimits,
+    /// What the drawings and the whole may cost.
+    pub limits: DraftLimits,
 }
 
 impl Work for Reconstruct {
@@ -23,8 +24,13 @@ impl Work for Reconstruct {
     }
 
     fn run(&self, attempt: &Attempt<'_>) -> Result<(), WorkError> {
-        let payload = ReconstructionPayload::deserialize(&attempt.job().payload)
-            .map_err(|error| WorkError::Broken(format!("unreadable payload: {error}")))?;
+        let unreadable = |error: &dyn Display| WorkError::Broken(format!("payload: {error}"));
+        let mut payload = ReconstructionPayload::deserialize(&attempt.job().payload)
+            .map_err(|error| unreadable(&error))?;
+        if payload.has_matches {
+            payload.document.matches = serde_json::from_slice(&attempt.read(MATCHES_INPUT)?)
+                .map_err(|error| unreadable(&error))?;
+        }
         let found = draft::produce(
             &payload.document,
             &|name| attempt.read(name),
@@ -45,7 +51,7 @@ impl From<DraftError> for WorkError {
         match error {
             DraftError::Input { code, detail } => Self::Input(failure(code, detail)),
             DraftError::Cancelled(_) => Self::Cancelled,
-            DraftError::Io(error) => Self::Broken(error.to_string()),
+            DraftError::Io(error) => error.into(),
             DraftError::Internal(error) => Self::Broken(error.to_string()),
         }
     }

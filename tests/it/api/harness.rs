@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use image::{GrayImage, ImageFormat, Luma};
 use jobs::bytes::{ByteStore, Key};
-use jobs::{ArtifactEntry, JobId, JobStore, ListQuery, SqliteStore, SystemClock};
+use jobs::{ArtifactEntry, JobId, JobStore, ListQuery, SqliteStore, SystemClock, TenantLimits};
 use reqwest::multipart::{Form, Part};
 use reqwest::{Client, RequestBuilder, Response, StatusCode};
 use serde_json::Value;
@@ -14,7 +14,7 @@ use sha2::{Digest, Sha256};
 use tempfile::TempDir;
 use tokio::net::TcpListener;
 use tokio_util::sync::CancellationToken;
-use turnaround::http::{self, ApiState, HttpLimits, ServerTimeouts};
+use turnaround::http::{self, Access, ApiState, Guard, HttpLimits, KeyPolicy, ServerTimeouts};
 
 pub(crate) const LEASE: Duration = Duration::from_secs(30);
 
@@ -23,6 +23,7 @@ pub(crate) struct Service {
     pub store: Arc<SqliteStore>,
     pub bytes: ByteStore,
     pub client: Client,
+    pub draining: CancellationToken,
     pub shutdown: CancellationToken,
     folder: TempDir,
 }
@@ -37,22 +38,32 @@ impl Service {
         let path = folder.path().join("jobs.sqlite");
         let store = Arc::new(SqliteStore::open(&path, Arc::new(SystemClock)).await.unwrap());
         let bytes = ByteStore::local(&folder.path().join("bytes")).unwrap();
-        let shutdown = CancellationToken::new();
+        let (draining, shutdown) = (CancellationToken::new(), CancellationToken::new());
         let state = ApiState {
             store: store.clone(),
             bytes: bytes.clone(),
             metrics: http::prometheus().unwrap(),
             max_attempts: 3,
-            cors_origins: vec!["https://studio.example".to_owned()],
+            access: Access {
+                store: store.clone(),
+                policy: KeyPolicy::OnceThereAreKeys,
+                defaults: TenantLimits::default(),
+                open_metrics: false,
+                docs: true,
+            },
+            guard: Guard { origins: vec!["https://studio.example".to_owned()], ..Guard::default() },
+            draining: draining.clone(),
             shutdown: shutdown.clone(),
         };
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let url = format!("http://{}", listener.local_addr().unwrap());
         let router = http::router(state, &limits);
         let stop = shutdown.clone();
-        tokio::spawn(async move { http::serve(listener, router, &timeouts, stop).await.unwrap() });
+        tokio::spawn(
+            async move { http::serve(listener, router, &timeouts, 1000, stop).await.unwrap() },
+        );
         let client = Client::builder().no_proxy().build().unwrap();
-        Self { url, store, bytes, client, shutdown, folder }
+        Self { url, store, bytes, client, draining, shutdown, folder }
     }
 
     pub(crate) fn get(&self, path: &str) -> RequestBuilder {

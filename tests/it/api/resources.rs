@@ -320,7 +320,6 @@ async fn deleting_takes_the_bytes_too() {
     let id = service.queue().await;
     let path = format!("/v1/reconstructions/{id}");
     let (_, attempt) = service.claim().await;
-    problem(service.delete(&path).send().await.unwrap(), 409, "still-running").await;
     service.succeed(id, attempt, &[("hull.glb", "model/gltf-binary", vec![1, 2, 3])]).await;
     let response = service.delete(&path).send().await.unwrap();
     assert_eq!(response.status(), StatusCode::NO_CONTENT);
@@ -338,4 +337,34 @@ async fn what_is_no_id_names_no_reconstruction() {
             problem(service.get(&path).send().await.unwrap(), 404, "unknown-reconstruction").await;
         }
     }
+}
+
+/// As generated clients send them, whose parts have names known beforehand.
+#[tokio::test]
+async fn views_with_azimuths_beside_them_become_the_same_job() {
+    let service = Service::start().await;
+    let drawings = [drawing(32, 24, 0), drawing(32, 24, 1), drawing(32, 24, 2)];
+    let form = |azimuths: &[&str]| {
+        let form = drawings.iter().fold(Form::new(), |form, drawing| {
+            form.part("view", file(drawing.clone(), "drawing.png"))
+        });
+        azimuths.iter().fold(form, |form, azimuth| form.text("azimuth_deg", azimuth.to_string()))
+    };
+    for azimuths in [["22.5", "0", "90"].as_slice(), &["22.5, 0, 90"], &["[22.5,0,90]"]] {
+        let response = service.upload(form(azimuths)).await;
+        assert_eq!(response.status(), StatusCode::ACCEPTED);
+        let job: Value = response.json().await.unwrap();
+        let angles: Vec<_> = job["views"].as_array().unwrap().iter().collect();
+        assert_eq!(
+            angles.iter().map(|view| &view["azimuth_deg"]).collect::<Vec<_>>(),
+            [0.0, 22.5, 90.0]
+        );
+        let id = job["id"].as_str().unwrap().parse().unwrap();
+        let stored = service.stored_inputs(id, &["views/22.5.png", "views/0.png"]).await;
+        assert_eq!(stored, drawings[..2]);
+    }
+    let body = problem(service.upload(form(&["0", "45"])).await, 422, "missing-part").await;
+    assert_eq!(body["part"], "azimuth_deg");
+    problem(service.upload(form(&["0", "45", "360"])).await, 422, "duplicate-azimuth").await;
+    problem(service.upload(form(&["0", "left", "90"])).await, 422, "invalid-angle").await;
 }

@@ -35,6 +35,9 @@ pub enum ByteError {
         /// Size of the stored object, bytes.
         size: u64,
     },
+    /// No room is left on the disk.
+    #[error("the disk of the byte store is full")]
+    Full,
     /// The storage behind it failed.
     #[error("byte store: {0}")]
     Backend(#[source] Box<dyn std::error::Error + Send + Sync>),
@@ -52,6 +55,7 @@ impl From<ByteError> for io::Error {
         let kind = match &error {
             ByteError::Name(_) | ByteError::Range { .. } => io::ErrorKind::InvalidInput,
             ByteError::NotFound(_) => io::ErrorKind::NotFound,
+            ByteError::Full => io::ErrorKind::StorageFull,
             ByteError::Backend(_) => io::ErrorKind::Other,
         };
         Self::new(kind, error)
@@ -131,6 +135,16 @@ impl ByteStore {
     /// Bytes in another object store; its writes must be durable.
     pub fn remote(store: Arc<dyn ObjectStore>) -> Self {
         Self { store, root: None }
+    }
+
+    /// Bytes that may still be stored; `None` if the storage has no such limit.
+    ///
+    /// # Errors
+    /// [`ByteError::Backend`] if the system does not tell.
+    pub fn free_bytes(&self) -> Result<Option<u64>, ByteError> {
+        let Some(root) = &self.root else { return Ok(None) };
+        let space = rustix::fs::statvfs(root).map_err(io::Error::from).map_err(backend)?;
+        Ok(Some(space.f_bavail.saturating_mul(space.f_frsize)))
     }
 
     /// Stores `bytes`, replacing what was there; they are durable on return.
@@ -254,7 +268,13 @@ fn from_store(error: object_store::Error) -> ByteError {
 }
 
 fn backend<E: std::error::Error + Send + Sync + 'static>(error: E) -> ByteError {
-    ByteError::Backend(Box::new(error))
+    let mut causes =
+        std::iter::successors(Some(&error as &(dyn std::error::Error + 'static)), |e| e.source());
+    let is_full = causes.any(|cause| {
+        let kind = cause.downcast_ref::<io::Error>().map(io::Error::kind);
+        matches!(kind, Some(io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded))
+    });
+    if is_full { ByteError::Full } else { ByteError::Backend(Box::new(error)) }
 }
 
 #[cfg(test)]

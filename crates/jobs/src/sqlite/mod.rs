@@ -3,6 +3,10 @@
 //! One connection writes, a few others read, so that a status request never
 //! waits for a write to reach the disk. Several processes may share the file.
 
+mod access;
+mod idempotency;
+mod ownerless;
+mod reserve;
 mod rows;
 mod store;
 
@@ -11,6 +15,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
+use sqlx::Connection;
 use sqlx::migrate::Migrator;
 use sqlx::sqlite::{
     SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous,
@@ -18,6 +23,7 @@ use sqlx::sqlite::{
 use sqlx::{Sqlite, Transaction};
 use tokio::sync::broadcast;
 
+use self::reserve::Reserve;
 use super::record::{Change, Record};
 use super::{Clock, Job, JobChange, JobId, StoreError};
 
@@ -35,6 +41,7 @@ pub struct SqliteStore {
     readers: SqlitePool,
     clock: Arc<dyn Clock>,
     changes: broadcast::Sender<JobChange>,
+    reserve: Arc<Reserve>,
 }
 
 impl SqliteStore {
@@ -59,7 +66,44 @@ impl SqliteStore {
         let reading = options.pragma("query_only", "ON");
         let readers = pool(READERS).connect_with(reading).await.map_err(backend)?;
         let (changes, _) = broadcast::channel(REMEMBERED_CHANGES);
-        Ok(Self { writer, readers, clock, changes })
+        let reserve = Arc::new(Reserve::beside(path));
+        let store = Self { writer, readers, clock, changes, reserve };
+        store.keep_reserve().await;
+        Ok(store)
+    }
+
+    /// Takes the room on the disk that [`Self::with_reserve`] gives up.
+    async fn keep_reserve(&self) {
+        let reserve = Arc::clone(&self.reserve);
+        let taking = tokio::task::spawn_blocking(move || reserve.take());
+        if let Ok(Err(error)) = taking.await {
+            tracing::warn!(%error, "no room on the disk is kept for deletions");
+        }
+    }
+
+    /// Does `write`, for which room is kept: if the disk is full, the reserve is
+    /// given up and the write tried once more.
+    async fn with_reserve<T, W>(&self, mut write: impl FnMut() -> W) -> Result<T, StoreError>
+    where
+        W: Future<Output = Result<T, StoreError>>,
+    {
+        match write().await {
+            Err(StoreError::Full) if self.reserve.give_up() => write().await,
+            written => written,
+        }
+    }
+
+    /// Lets the database grow no more through the connection that writes, as on
+    /// a full disk: for tests.
+    ///
+    /// # Errors
+    /// [`StoreError::Backend`] if the database is closed.
+    #[doc(hidden)]
+    pub async fn refuse_growth(&self) -> Result<(), StoreError> {
+        // Never less than there are.
+        let sql = "PRAGMA max_page_count = 1";
+        sqlx::query(sql).execute(&self.writer).await.map_err(backend)?;
+        Ok(())
     }
 
     /// Waits for running statements and closes the file.
@@ -123,6 +167,9 @@ fn pool(connections: u32) -> SqlitePoolOptions {
         .idle_timeout(None)
         .max_lifetime(None)
         .test_before_acquire(false)
+        // A commit that fails for want of room ends the transaction in SQLite
+        // but not in the driver, which would then begin none any more.
+        .after_release(|connection, _| Box::pin(async { Ok(!connection.is_in_transaction()) }))
 }
 
 /// Several processes may start at once; this lets one after the other set the
@@ -144,6 +191,16 @@ fn sync_directory_of(path: &Path) -> std::io::Result<()> {
     File::open(directory.unwrap_or(Path::new(".")))?.sync_all()
 }
 
+/// What SQLite answers when it finds no room: `SQLITE_FULL`, and the errors of
+/// writing the log and of growing its index.
+const FULL_CODES: [&str; 3] = ["13", "778", "4874"];
+
 pub(super) fn backend<E: std::error::Error + Send + Sync + 'static>(error: E) -> StoreError {
-    StoreError::Backend(Box::new(error))
+    let error: Box<dyn std::error::Error + Send + Sync> = Box::new(error);
+    match error.downcast_ref::<sqlx::Error>().and_then(sqlx::Error::as_database_error) {
+        Some(found) if found.code().is_some_and(|code| FULL_CODES.contains(&&*code)) => {
+            StoreError::Full
+        }
+        _ => StoreError::Backend(error),
+    }
 }

@@ -1,6 +1,8 @@
 //! Between records and rows. Enumerations are stored under the names they have
 //! in JSON; a row that can't be read is an error of the backend.
 
+use std::sync::Arc;
+
 use jiff::Timestamp;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -8,9 +10,10 @@ use serde_json::Value;
 use sqlx::sqlite::SqliteRow;
 use sqlx::{FromRow, Row, SqliteConnection};
 
+use super::access::tenant_name;
 use super::backend;
 use crate::record::{Change, Record};
-use crate::{Event, Job, JobId, JobState, StoreError};
+use crate::{Event, Job, JobId, JobState, StoreError, Tags, Uptime};
 
 /// A stored value that this version can't read.
 #[derive(Debug, thiserror::Error)]
@@ -22,9 +25,19 @@ struct Unreadable {
 
 impl<'r> FromRow<'r, SqliteRow> for Record {
     fn from_row(row: &'r SqliteRow) -> sqlx::Result<Self> {
+        let boot: Arc<str> = text(row, "boot")?.into();
+        let uptime = |ms| Uptime { boot: Arc::clone(&boot), ms };
         let job = Job {
             id: JobId(text(row, "id")?.parse().map_err(decode)?),
+            tenant: tenant_name(row, "tenant")?,
             kind: text(row, "kind")?,
+            priority: row.try_get("priority")?,
+            tags: Tags {
+                name: row.try_get("name")?,
+                labels: json(row, "labels")?,
+                expires_at: optional_time(row, "expires_ms")?,
+                pinned: row.try_get("pinned")?,
+            },
             payload: json(row, "payload")?,
             state: named(row, "state")?,
             attempt: row.try_get("attempt")?,
@@ -43,8 +56,9 @@ impl<'r> FromRow<'r, SqliteRow> for Record {
         Ok(Self {
             job,
             worker: row.try_get("worker")?,
-            lease_until: optional_time(row, "lease_until_ms")?,
-            not_before: time(row, "not_before_ms")?,
+            lease_until: row.try_get::<Option<i64>, _>("lease_until_ms")?.map(uptime),
+            not_before: uptime(row.try_get("not_before_ms")?),
+            troubles: row.try_get("troubles")?,
         })
     }
 }
@@ -64,12 +78,48 @@ pub(super) async fn load(
     connection: &mut SqliteConnection,
     id: JobId,
 ) -> Result<Record, StoreError> {
-    sqlx::query_as("SELECT * FROM jobs WHERE id = ?1")
-        .bind(id.to_string())
-        .fetch_optional(connection)
-        .await
-        .map_err(backend)?
-        .ok_or(StoreError::NotFound(id))
+    find(connection, &id.to_string()).await?.ok_or(StoreError::NotFound(id))
+}
+
+pub(super) async fn find(
+    connection: &mut SqliteConnection,
+    id: &str,
+) -> Result<Option<Record>, StoreError> {
+    let row = sqlx::query("SELECT * FROM jobs WHERE id = ?1").bind(id);
+    let row = row.fetch_optional(connection).await.map_err(backend)?;
+    row.as_ref().map(Record::from_row).transpose().map_err(unreadable)
+}
+
+/// The state alone, which every row has.
+pub(super) async fn state(
+    connection: &mut SqliteConnection,
+    id: JobId,
+) -> Result<JobState, StoreError> {
+    let row = sqlx::query("SELECT state FROM jobs WHERE id = ?1").bind(id.to_string());
+    let row = row.fetch_optional(connection).await.map_err(backend)?;
+    named(&row.ok_or(StoreError::NotFound(id))?, "state").map_err(unreadable)
+}
+
+/// The id of a listed row.
+pub(super) fn id(row: &SqliteRow) -> Option<JobId> {
+    text(row, "id").ok()?.parse().ok()
+}
+
+/// The job of a listed row. One that can't be read is left out: it must not
+/// take the others with it.
+pub(super) fn job(row: &SqliteRow) -> Option<Job> {
+    match Record::from_row(row) {
+        Ok(record) => Some(record.job),
+        Err(error) => {
+            let id = text(row, "id").unwrap_or_default();
+            tracing::error!(job = id, %error, "a stored job can't be read and is not listed");
+            None
+        }
+    }
+}
+
+fn unreadable(error: sqlx::Error) -> StoreError {
+    StoreError::Unreadable(Box::new(error))
 }
 
 pub(super) async fn insert(
@@ -79,8 +129,10 @@ pub(super) async fn insert(
     let job = &record.job;
     sqlx::query(
         "INSERT INTO jobs (id, kind, payload, state, attempt, attempts_used, max_attempts,
-             cancel_requested, not_before_ms, artifacts, created_ms, version)
-         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, '[]', ?10, ?11)",
+             cancel_requested, boot, not_before_ms, artifacts, created_ms, version, tenant,
+             priority, name, labels, expires_ms, pinned)
+         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, '[]', ?11, ?12, ?13, ?14,
+             ?15, ?16, ?17, ?18)",
     )
     .bind(job.id.to_string())
     .bind(&job.kind)
@@ -90,9 +142,16 @@ pub(super) async fn insert(
     .bind(job.attempts_used)
     .bind(job.max_attempts)
     .bind(job.cancel_requested)
-    .bind(record.not_before.as_millisecond())
+    .bind(&*record.not_before.boot)
+    .bind(record.not_before.ms)
     .bind(job.created_at.as_millisecond())
     .bind(job.version.cast_signed())
+    .bind(job.tenant.as_str())
+    .bind(job.priority)
+    .bind(&job.tags.name)
+    .bind(serde_json::to_string(&job.tags.labels).map_err(backend)?)
+    .bind(job.tags.expires_at.map(Timestamp::as_millisecond))
+    .bind(job.tags.pinned)
     .execute(connection)
     .await
     .map_err(backend)?;
@@ -110,7 +169,7 @@ pub(super) async fn save(
         "UPDATE jobs SET state = ?2, attempt = ?3, attempts_used = ?4, cancel_requested = ?5,
              worker = ?6, lease_until_ms = ?7, not_before_ms = ?8, progress = ?9, failure = ?10,
              artifacts = ?11, started_ms = ?12, finished_ms = ?13, version = ?14,
-             summary = ?15
+             summary = ?15, boot = ?16, troubles = ?17
          WHERE id = ?1",
     )
     .bind(job.id.to_string())
@@ -119,8 +178,8 @@ pub(super) async fn save(
     .bind(job.attempts_used)
     .bind(job.cancel_requested)
     .bind(&record.worker)
-    .bind(record.lease_until.map(Timestamp::as_millisecond))
-    .bind(record.not_before.as_millisecond())
+    .bind(record.lease_until.as_ref().map(|until| until.ms))
+    .bind(record.not_before.ms)
     .bind(job.progress.as_ref().map(Value::to_string))
     .bind(failure)
     .bind(serde_json::to_string(&job.artifacts).map_err(backend)?)
@@ -128,6 +187,9 @@ pub(super) async fn save(
     .bind(job.finished_at.map(Timestamp::as_millisecond))
     .bind(job.version.cast_signed())
     .bind(job.summary.as_ref().map(Value::to_string))
+    // A running job is not waited for: the moment that counts is its lease's.
+    .bind(&*record.lease_until.as_ref().unwrap_or(&record.not_before).boot)
+    .bind(record.troubles)
     .execute(connection)
     .await
     .map_err(backend)?;
@@ -167,7 +229,7 @@ pub(super) fn state_name(state: JobState) -> Result<String, StoreError> {
     name(&state)
 }
 
-fn decode<E: std::error::Error + Send + Sync + 'static>(error: E) -> sqlx::Error {
+pub(super) fn decode<E: std::error::Error + Send + Sync + 'static>(error: E) -> sqlx::Error {
     sqlx::Error::Decode(Box::new(error))
 }
 
@@ -175,7 +237,7 @@ fn text(row: &SqliteRow, column: &'static str) -> sqlx::Result<String> {
     row.try_get(column)
 }
 
-fn json<T: DeserializeOwned>(row: &SqliteRow, column: &'static str) -> sqlx::Result<T> {
+pub(super) fn json<T: DeserializeOwned>(row: &SqliteRow, column: &'static str) -> sqlx::Result<T> {
     serde_json::from_str(row.try_get(column)?).map_err(decode)
 }
 
@@ -187,17 +249,20 @@ fn optional_json<T: DeserializeOwned>(
     text.map(serde_json::from_str).transpose().map_err(decode)
 }
 
-fn named<T: DeserializeOwned>(row: &SqliteRow, column: &'static str) -> sqlx::Result<T> {
+pub(super) fn named<T: DeserializeOwned>(row: &SqliteRow, column: &'static str) -> sqlx::Result<T> {
     let value = text(row, column)?;
     serde_json::from_value(Value::String(value.clone()))
         .map_err(|_| decode(Unreadable { column, value }))
 }
 
-fn time(row: &SqliteRow, column: &'static str) -> sqlx::Result<Timestamp> {
+pub(super) fn time(row: &SqliteRow, column: &'static str) -> sqlx::Result<Timestamp> {
     Timestamp::from_millisecond(row.try_get(column)?).map_err(decode)
 }
 
-fn optional_time(row: &SqliteRow, column: &'static str) -> sqlx::Result<Option<Timestamp>> {
+pub(super) fn optional_time(
+    row: &SqliteRow,
+    column: &'static str,
+) -> sqlx::Result<Option<Timestamp>> {
     let ms: Option<i64> = row.try_get(column)?;
     ms.map(Timestamp::from_millisecond).transpose().map_err(decode)
 }

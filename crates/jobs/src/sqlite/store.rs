@@ -3,82 +3,235 @@
 use std::time::Duration;
 
 use async_trait::async_trait;
-use serde_json::Value;
-use sqlx::{QueryBuilder, Sqlite};
+use jiff::Timestamp;
+use serde_json::{Value, json};
+use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
 use tokio::sync::broadcast;
 
-use super::{SqliteStore, backend, rows};
-use crate::record::{Ending, Record};
+use super::{SqliteStore, backend, idempotency, ownerless, rows};
+use crate::record::{Change, Ending, Present, Record};
 use crate::{
-    ArtifactEntry, Claim, Event, Failure, Heartbeat, Job, JobChange, JobCounts, JobId, JobState,
-    JobStore, ListQuery, NewJob, Page, StoreError,
+    ArtifactEntry, Claim, Event, EventKind, Failure, Heartbeat, Idempotency, Job, JobChange,
+    JobCounts, JobId, JobState, JobStore, ListQuery, NewJob, Page, StoreError, Tags, TenantName,
+    UNREADABLE, Uptime,
 };
 
 impl SqliteStore {
     async fn end(&self, id: JobId, attempt: u32, ending: Ending) -> Result<JobState, StoreError> {
-        let now = self.clock.now();
-        let job = self
-            .transition(id, |record| {
+        let now = self.present();
+        let ending = || {
+            self.transition(id, |record| {
                 record.check_held_by(attempt)?;
-                Ok(Some(record.end(ending, now)))
+                Ok(Some(record.end(ending.clone(), &now)))
             })
-            .await?;
-        Ok(job.state)
+        };
+        Ok(self.with_reserve(ending).await?.state)
     }
 
-    /// A job that may be claimed now, read without the write lock: an idle
-    /// worker's polling must not stand in the way of writes.
-    async fn has_queued(&self, now_ms: i64) -> Result<bool, StoreError> {
+    fn present(&self) -> Present {
+        Present { time: self.clock.now(), uptime: self.clock.uptime() }
+    }
+
+    /// The next job to claim, read without the write lock: an idle worker's
+    /// polling must not stand in the way of writes.
+    async fn next_queued(&self, now: &Uptime) -> Result<Option<String>, StoreError> {
         sqlx::query_scalar(
-            "SELECT EXISTS (SELECT 1 FROM jobs WHERE state = 'queued' AND not_before_ms <= ?1)",
+            "SELECT next FROM (
+                 SELECT served,
+                     (SELECT id FROM jobs
+                      WHERE state = 'queued' AND tenant = tenants.name
+                          AND (boot <> ?1 OR not_before_ms <= ?2)
+                      ORDER BY priority DESC, rowid LIMIT 1) AS next,
+                     (SELECT count(*) FROM jobs
+                      WHERE state = 'running' AND tenant = tenants.name) AS running,
+                     json_extract(limits, '$.max_running') AS most
+                 FROM tenants)
+             WHERE next IS NOT NULL AND running < coalesce(most, running + 1)
+             ORDER BY running, served LIMIT 1",
         )
-        .bind(now_ms)
-        .fetch_one(&self.readers)
+        .bind(&*now.boot)
+        .bind(now.ms)
+        .fetch_optional(&self.readers)
         .await
         .map_err(backend)
     }
 
-    /// A lease that is over, read without the write lock.
-    async fn has_expired(&self, now_ms: i64) -> Result<bool, StoreError> {
+    /// A running job whose lease is over, read without the write lock.
+    async fn next_expired(&self, now: &Uptime) -> Result<Option<String>, StoreError> {
         sqlx::query_scalar(
-            "SELECT EXISTS (SELECT 1 FROM jobs WHERE state = 'running' AND lease_until_ms <= ?1)",
-        )
-        .bind(now_ms)
-        .fetch_one(&self.readers)
-        .await
-        .map_err(backend)
-    }
-
-    /// Ends one job whose lease is over. `false` if there is none.
-    async fn reap_one(&self) -> Result<bool, StoreError> {
-        let now = self.clock.now();
-        if !self.has_expired(now.as_millisecond()).await? {
-            return Ok(false);
-        }
-        let mut transaction = self.begin().await?;
-        let expired: Option<Record> = sqlx::query_as(
-            "SELECT * FROM jobs WHERE state = 'running' AND lease_until_ms <= ?1
+            "SELECT id FROM jobs
+             WHERE state = 'running' AND (boot <> ?1 OR lease_until_ms <= ?2)
              ORDER BY lease_until_ms LIMIT 1",
         )
-        .bind(now.as_millisecond())
-        .fetch_optional(&mut *transaction)
+        .bind(&*now.boot)
+        .bind(now.ms)
+        .fetch_optional(&self.readers)
+        .await
+        .map_err(backend)
+    }
+
+    /// Claims the job if nobody did since it was found.
+    async fn claim_one(
+        &self,
+        id: &str,
+        worker: &str,
+        lease: Duration,
+    ) -> Result<Option<Claim>, StoreError> {
+        let now = self.present();
+        let mut transaction = self.begin().await?;
+        let Some(mut record) = rows::find(&mut transaction, id).await? else { return Ok(None) };
+        if record.job.state != JobState::Queued || !record.not_before.is_over(&now.uptime) {
+            return Ok(None);
+        }
+        let change = record.claim(worker, &now, lease);
+        sqlx::query(
+            "UPDATE tenants SET served = (SELECT max(served) + 1 FROM tenants) WHERE name = ?1",
+        )
+        .bind(record.job.tenant.as_str())
+        .execute(&mut *transaction)
         .await
         .map_err(backend)?;
-        let Some(mut record) = expired else { return Ok(false) };
-        let change = record.end(Ending::Expired, now);
-        self.commit(transaction, record, change).await?;
-        Ok(true)
+        let job = self.commit(transaction, record, change).await?;
+        Ok(Some(Claim { attempt: job.attempt, job }))
     }
+
+    /// Ends the attempt if its lease is still over.
+    async fn reap_one(&self, id: &str) -> Result<(), StoreError> {
+        let now = self.present();
+        let mut transaction = self.begin().await?;
+        let Some(mut record) = rows::find(&mut transaction, id).await? else { return Ok(()) };
+        let lease_until = record.lease_until.as_ref();
+        if !lease_until.is_some_and(|lease_until| lease_until.is_over(&now.uptime)) {
+            return Ok(());
+        }
+        let change = record.end(Ending::Expired, &now);
+        self.commit(transaction, record, change).await?;
+        Ok(())
+    }
+
+    /// Fails a job whose row can't be read, so that it stands in nobody's way.
+    async fn set_aside(&self, id: &str, error: &StoreError) -> Result<(), StoreError> {
+        tracing::error!(job = id, %error, "a stored job can't be read and is failed");
+        let failure = Failure {
+            code: UNREADABLE.to_owned(),
+            detail: "the stored job can't be read; send it again".to_owned(),
+        };
+        let failure = serde_json::to_string(&failure).map_err(backend)?;
+        let mut transaction = self.begin().await?;
+        sqlx::query(
+            "UPDATE jobs SET state = 'failed', failure = ?2, finished_ms = ?3, worker = NULL,
+                 lease_until_ms = NULL, progress = NULL, artifacts = '[]', summary = NULL
+             WHERE id = ?1 AND state IN ('queued', 'running')",
+        )
+        .bind(id)
+        .bind(failure)
+        .bind(self.clock.now().as_millisecond())
+        .execute(&mut *transaction)
+        .await
+        .map_err(backend)?;
+        transaction.commit().await.map_err(backend)
+    }
+
+    async fn try_heartbeat(
+        &self,
+        id: JobId,
+        attempt: u32,
+        lease: Duration,
+    ) -> Result<Heartbeat, StoreError> {
+        let mut transaction = self.begin().await?;
+        let mut record = match rows::load(&mut transaction, id).await {
+            Err(StoreError::NotFound(_)) => return Ok(Heartbeat::Lost),
+            loaded => loaded?,
+        };
+        if !record.is_held_by(attempt) {
+            return Ok(Heartbeat::Lost);
+        }
+        record.renew(&self.clock.uptime(), lease);
+        // No event and no new version: a renewed lease is not a visible change.
+        rows::save(&mut transaction, &record).await?;
+        transaction.commit().await.map_err(backend)?;
+        Ok(Heartbeat::Held { cancel_requested: record.job.cancel_requested })
+    }
+
+    async fn try_delete(&self, id: JobId) -> Result<(), StoreError> {
+        let mut transaction = self.begin().await?;
+        let state = rows::state(&mut transaction, id).await?;
+        if state == JobState::Running {
+            return Err(StoreError::Running { id });
+        }
+        sqlx::query("DELETE FROM jobs WHERE id = ?1")
+            .bind(id.to_string())
+            .execute(&mut *transaction)
+            .await
+            .map_err(backend)?;
+        ownerless::add(&mut transaction, id, &self.clock.uptime()).await?;
+        transaction.commit().await.map_err(backend)
+    }
+}
+
+async fn expect_tenant(
+    connection: &mut SqliteConnection,
+    tenant: &TenantName,
+) -> Result<(), StoreError> {
+    let found: bool = sqlx::query_scalar("SELECT EXISTS (SELECT 1 FROM tenants WHERE name = ?1)")
+        .bind(tenant.as_str())
+        .fetch_one(connection)
+        .await
+        .map_err(backend)?;
+    if found { Ok(()) } else { Err(StoreError::NoTenant(tenant.clone())) }
+}
+
+async fn expect_queue(
+    connection: &mut SqliteConnection,
+    tenant: &TenantName,
+    most: u32,
+) -> Result<(), StoreError> {
+    let waiting: i64 =
+        sqlx::query_scalar("SELECT count(*) FROM jobs WHERE state = 'queued' AND tenant = ?1")
+            .bind(tenant.as_str())
+            .fetch_one(connection)
+            .await
+            .map_err(backend)?;
+    if waiting < i64::from(most) {
+        return Ok(());
+    }
+    Err(StoreError::TooManyQueued { tenant: tenant.clone(), most })
 }
 
 #[async_trait]
 impl JobStore for SqliteStore {
     async fn enqueue(&self, job: NewJob) -> Result<Job, StoreError> {
-        let (mut record, change) = Record::new(job, self.clock.now());
+        let (max_queued, given) = (job.max_queued, job.idempotency.clone());
+        let now = self.present();
+        let (mut record, change) = Record::new(job, &now);
         record.job.version = 1;
         let mut transaction = self.begin().await?;
+        expect_tenant(&mut transaction, &record.job.tenant).await?;
+        if let Some(given) = &given {
+            let (tenant, id) = (&record.job.tenant, record.job.id);
+            if let Some(id) = idempotency::find(&mut transaction, tenant, given, now.time).await? {
+                return Ok(rows::load(&mut transaction, id).await?.job);
+            }
+            idempotency::remember(&mut transaction, tenant, given, id, now.time).await?;
+        }
+        if let Some(most) = max_queued {
+            expect_queue(&mut transaction, &record.job.tenant, most).await?;
+        }
         rows::insert(&mut transaction, &record).await?;
+        ownerless::remove(&mut transaction, record.job.id).await?;
         self.finish(transaction, record.job, change).await
+    }
+
+    async fn enqueued(
+        &self,
+        tenant: &TenantName,
+        given: &Idempotency,
+    ) -> Result<Option<Job>, StoreError> {
+        let mut connection = self.readers.acquire().await.map_err(backend)?;
+        match idempotency::find(&mut connection, tenant, given, self.clock.now()).await? {
+            Some(id) => Ok(Some(rows::load(&mut connection, id).await?.job)),
+            None => Ok(None),
+        }
     }
 
     async fn get(&self, id: JobId) -> Result<Job, StoreError> {
@@ -89,24 +242,37 @@ impl JobStore for SqliteStore {
     async fn list(&self, query: &ListQuery) -> Result<Page, StoreError> {
         let limit = query.limit.max(1);
         let mut sql = QueryBuilder::<Sqlite>::new("SELECT * FROM jobs WHERE true");
+        if let Some(tenant) = &query.tenant {
+            sql.push(" AND tenant = ").push_bind(tenant.as_str());
+        }
         if let Some(kind) = &query.kind {
             sql.push(" AND kind = ").push_bind(kind);
         }
         if let Some(state) = query.state {
             sql.push(" AND state = ").push_bind(rows::state_name(state)?);
         }
+        for (label, value) in &query.labels {
+            // Names are held to plain characters before they get here, and bound
+            // all the same.
+            sql.push(" AND EXISTS (SELECT 1 FROM json_each(labels) WHERE key = ");
+            sql.push_bind(label).push(" AND value = ").push_bind(value).push(")");
+        }
+        if let Some(from) = query.created_from {
+            sql.push(" AND created_ms >= ").push_bind(from.as_millisecond());
+        }
+        if let Some(before) = query.created_before {
+            sql.push(" AND created_ms < ").push_bind(before.as_millisecond());
+        }
         if let Some(before) = query.before {
             sql.push(" AND id < ").push_bind(before.to_string());
         }
         // One more than asked for tells whether there is a next part.
         sql.push(" ORDER BY id DESC LIMIT ").push_bind(i64::from(limit) + 1);
-        let records: Vec<Record> =
-            sql.build_query_as().fetch_all(&self.readers).await.map_err(backend)?;
-        let mut jobs: Vec<Job> = records.into_iter().map(|record| record.job).collect();
-        let more = jobs.len() > limit as usize;
-        jobs.truncate(limit as usize);
-        let next = if more { jobs.last().map(|job| job.id) } else { None };
-        Ok(Page { jobs, next })
+        let mut rows = sql.build().fetch_all(&self.readers).await.map_err(backend)?;
+        let more = rows.len() > limit as usize;
+        rows.truncate(limit as usize);
+        let next = if more { rows.last().and_then(rows::id) } else { None };
+        Ok(Page { jobs: rows.iter().filter_map(rows::job).collect(), next })
     }
 
     async fn events(&self, id: JobId, after: u64) -> Result<Vec<Event>, StoreError> {
@@ -127,23 +293,15 @@ impl JobStore for SqliteStore {
     }
 
     async fn claim(&self, worker: &str, lease: Duration) -> Result<Option<Claim>, StoreError> {
-        let now = self.clock.now();
-        if !self.has_queued(now.as_millisecond()).await? {
-            return Ok(None);
+        while let Some(id) = self.next_queued(&self.clock.uptime()).await? {
+            match self.claim_one(&id, worker, lease).await {
+                Ok(Some(claim)) => return Ok(Some(claim)),
+                Ok(None) => {}
+                Err(error @ StoreError::Unreadable(_)) => self.set_aside(&id, &error).await?,
+                Err(error) => return Err(error),
+            }
         }
-        let mut transaction = self.begin().await?;
-        let oldest: Option<Record> = sqlx::query_as(
-            "SELECT * FROM jobs WHERE state = 'queued' AND not_before_ms <= ?1
-             ORDER BY id LIMIT 1",
-        )
-        .bind(now.as_millisecond())
-        .fetch_optional(&mut *transaction)
-        .await
-        .map_err(backend)?;
-        let Some(mut record) = oldest else { return Ok(None) };
-        let change = record.claim(worker, now, lease);
-        let job = self.commit(transaction, record, change).await?;
-        Ok(Some(Claim { attempt: job.attempt, job }))
+        Ok(None)
     }
 
     async fn heartbeat(
@@ -152,19 +310,7 @@ impl JobStore for SqliteStore {
         attempt: u32,
         lease: Duration,
     ) -> Result<Heartbeat, StoreError> {
-        let mut transaction = self.begin().await?;
-        let mut record = match rows::load(&mut transaction, id).await {
-            Err(StoreError::NotFound(_)) => return Ok(Heartbeat::Lost),
-            loaded => loaded?,
-        };
-        if !record.is_held_by(attempt) {
-            return Ok(Heartbeat::Lost);
-        }
-        record.renew(self.clock.now(), lease);
-        // No event and no new version: a renewed lease is not a visible change.
-        rows::save(&mut transaction, &record).await?;
-        transaction.commit().await.map_err(backend)?;
-        Ok(Heartbeat::Held { cancel_requested: record.job.cancel_requested })
+        self.with_reserve(|| self.try_heartbeat(id, attempt, lease)).await
     }
 
     async fn progress(&self, id: JobId, attempt: u32, progress: Value) -> Result<(), StoreError> {
@@ -213,9 +359,23 @@ impl JobStore for SqliteStore {
         self.end(id, attempt, Ending::Released).await
     }
 
+    async fn postpone(
+        &self,
+        id: JobId,
+        attempt: u32,
+        failure: Failure,
+    ) -> Result<JobState, StoreError> {
+        self.end(id, attempt, Ending::Troubled(failure)).await
+    }
+
     async fn reap(&self) -> Result<u64, StoreError> {
+        self.keep_reserve().await;
         let mut reaped = 0;
-        while self.reap_one().await? {
+        while let Some(id) = self.next_expired(&self.clock.uptime()).await? {
+            match self.with_reserve(|| self.reap_one(&id)).await {
+                Err(error @ StoreError::Unreadable(_)) => self.set_aside(&id, &error).await?,
+                done => done?,
+            }
             reaped += 1;
         }
         Ok(reaped)
@@ -223,20 +383,91 @@ impl JobStore for SqliteStore {
 
     async fn request_cancel(&self, id: JobId) -> Result<Job, StoreError> {
         let now = self.clock.now();
-        self.transition(id, |record| record.request_cancel(now)).await
+        self.with_reserve(|| self.transition(id, |record| record.request_cancel(now))).await
     }
 
-    async fn delete(&self, id: JobId) -> Result<(), StoreError> {
+    async fn tag(&self, id: JobId, tags: &Tags) -> Result<Job, StoreError> {
         let mut transaction = self.begin().await?;
-        let record = rows::load(&mut transaction, id).await?;
-        if record.job.state == JobState::Running {
-            return Err(StoreError::Running { id });
+        let mut record = rows::load(&mut transaction, id).await?;
+        record.job.tags = tags.clone();
+        // A new version, for it is answered otherwise, and an event that says so.
+        let change = Change { kind: EventKind::Tagged, data: json!({}) };
+        sqlx::query(
+            "UPDATE jobs SET name = ?2, labels = ?3, expires_ms = ?4, pinned = ?5 WHERE id = ?1",
+        )
+        .bind(id.to_string())
+        .bind(&tags.name)
+        .bind(serde_json::to_string(&tags.labels).map_err(backend)?)
+        .bind(tags.expires_at.map(Timestamp::as_millisecond))
+        .bind(tags.pinned)
+        .execute(&mut *transaction)
+        .await
+        .map_err(backend)?;
+        self.commit(transaction, record, change).await
+    }
+
+    async fn delete_when_ended(&self, id: JobId) -> Result<bool, StoreError> {
+        match self.request_cancel(id).await {
+            Ok(job) if job.state == JobState::Running => {}
+            Ok(_) | Err(StoreError::Finished { .. }) => return Ok(false),
+            Err(error) => return Err(error),
         }
-        sqlx::query("DELETE FROM jobs WHERE id = ?1")
+        let mut transaction = self.begin().await?;
+        sqlx::query("UPDATE jobs SET delete_requested = 1 WHERE id = ?1")
             .bind(id.to_string())
             .execute(&mut *transaction)
             .await
             .map_err(backend)?;
+        transaction.commit().await.map_err(backend)?;
+        Ok(true)
+    }
+
+    async fn expire(&self) -> Result<Vec<JobId>, StoreError> {
+        const OVER: &str = "state IN ('succeeded', 'failed', 'cancelled')
+            AND (delete_requested = 1 OR (pinned = 0 AND expires_ms <= ?1))";
+        let now_ms = self.clock.now().as_millisecond();
+        let found = sqlx::AssertSqlSafe(format!("SELECT EXISTS (SELECT 1 FROM jobs WHERE {OVER})"));
+        let found: bool = sqlx::query_scalar(found)
+            .bind(now_ms)
+            .fetch_one(&self.readers)
+            .await
+            .map_err(backend)?;
+        if !found {
+            return Ok(Vec::new());
+        }
+        let mut transaction = self.begin().await?;
+        let delete = sqlx::AssertSqlSafe(format!("DELETE FROM jobs WHERE {OVER} RETURNING id"));
+        let deleted: Vec<String> = sqlx::query_scalar(delete)
+            .bind(now_ms)
+            .fetch_all(&mut *transaction)
+            .await
+            .map_err(backend)?;
+        let jobs: Vec<JobId> = deleted.iter().filter_map(|id| id.parse().ok()).collect();
+        for id in &jobs {
+            ownerless::add(&mut transaction, *id, &self.clock.uptime()).await?;
+        }
+        transaction.commit().await.map_err(backend)?;
+        Ok(jobs)
+    }
+
+    async fn delete(&self, id: JobId) -> Result<(), StoreError> {
+        self.with_reserve(|| self.try_delete(id)).await
+    }
+
+    async fn expect_bytes(&self, id: JobId) -> Result<(), StoreError> {
+        let mut transaction = self.begin().await?;
+        ownerless::add(&mut transaction, id, &self.clock.uptime()).await?;
+        transaction.commit().await.map_err(backend)
+    }
+
+    async fn is_ownerless(&self, id: JobId, for_at_least: Duration) -> Result<bool, StoreError> {
+        let since = ownerless::since(&self.readers, id).await?;
+        Ok(since.is_some_and(|since| since.after(for_at_least).is_over(&self.clock.uptime())))
+    }
+
+    async fn forget_bytes(&self, id: JobId) -> Result<(), StoreError> {
+        let mut transaction = self.begin().await?;
+        ownerless::remove(&mut transaction, id).await?;
         transaction.commit().await.map_err(backend)
     }
 

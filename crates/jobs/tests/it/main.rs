@@ -8,7 +8,10 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use jiff::Timestamp;
-use jobs::{Clock, JobId, JobState, JobStore, ManualClock, NewJob, SqliteStore, SystemClock};
+use jobs::{
+    Clock, JobId, JobState, JobStore, ListQuery, ManualClock, NewJob, SqliteStore, StoreError,
+    SystemClock,
+};
 use serde_json::json;
 use suite::Subject;
 
@@ -23,7 +26,7 @@ async fn open(path: &Path, clock: &Arc<ManualClock>) -> SqliteStore {
 }
 
 fn new_job() -> NewJob {
-    NewJob { id: JobId::new(), kind: "test".into(), payload: json!({}), max_attempts: 3 }
+    NewJob::new(JobId::new(), "test", json!({}), 3)
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -32,7 +35,8 @@ async fn sqlite_passes_the_suite() {
     suite::run(async || {
         let clock = clock();
         let path = folder.path().join(format!("{}.sqlite", JobId::new()));
-        Subject { store: Arc::new(open(&path, &clock).await), clock }
+        let store = Arc::new(open(&path, &clock).await);
+        Subject { store: store.clone(), access: store, clock }
     })
     .await;
 }
@@ -119,4 +123,64 @@ async fn reads_do_not_wait_for_writes() {
     assert!(!writing.is_finished());
     holding.rollback().await.unwrap();
     assert_eq!(writing.await.unwrap().state, JobState::Cancelled);
+}
+
+/// Changes what is stored, as a fault of the disk or a person may.
+async fn tamper(path: &Path, sql: &'static str) {
+    use sqlx::Connection;
+    let url = format!("sqlite://{}", path.display());
+    let mut other = sqlx::SqliteConnection::connect(&url).await.unwrap();
+    sqlx::query(sql).execute(&mut other).await.unwrap();
+    other.close().await.unwrap();
+}
+
+#[tokio::test]
+async fn a_row_that_cannot_be_read_stands_in_nobody_s_way() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("jobs.sqlite");
+    let store = open(&path, &clock()).await;
+    let [running, queued, good] =
+        [store.enqueue(new_job()), store.enqueue(new_job()), store.enqueue(new_job())];
+    let (running, queued, good) =
+        (running.await.unwrap().id, queued.await.unwrap().id, good.await.unwrap().id);
+    assert_eq!(store.claim("tester", LEASE).await.unwrap().unwrap().job.id, running);
+    tamper(&path, "UPDATE jobs SET payload = '{', boot = 'earlier' WHERE rowid <= 2").await;
+    assert_eq!(store.reap().await.unwrap(), 1);
+    assert_eq!(store.claim("tester", LEASE).await.unwrap().unwrap().job.id, good);
+    assert!(store.claim("tester", LEASE).await.unwrap().is_none());
+    let listed = store.list(&ListQuery { limit: 10, ..ListQuery::default() }).await.unwrap();
+    assert_eq!(listed.jobs.iter().map(|job| job.id).collect::<Vec<_>>(), [good]);
+    assert!(matches!(store.get(queued).await, Err(StoreError::Unreadable(_))));
+    assert_eq!(store.counts().await.unwrap().failed, 2);
+    for id in [running, queued] {
+        store.delete(id).await.unwrap();
+    }
+}
+
+/// A write that finds no room ends its transaction in SQLite, but not in the
+/// driver: that connection is not used again.
+#[tokio::test]
+async fn a_full_disk_takes_no_job_and_passes() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("jobs.sqlite");
+    let store = open(&path, &clock()).await;
+    let kept = store.enqueue(new_job()).await.unwrap().id;
+    let large = || NewJob { payload: json!("x".repeat(1 << 20)), ..new_job() };
+    for _ in 0..2 {
+        store.refuse_growth().await.unwrap();
+        assert!(matches!(store.enqueue(large()).await, Err(StoreError::Full)));
+        assert_eq!(store.ids().await.unwrap(), [kept]);
+    }
+    store.request_cancel(kept).await.unwrap();
+    store.delete(kept).await.unwrap();
+    store.enqueue(large()).await.unwrap();
+    store.ping().await.unwrap();
+}
+
+#[tokio::test]
+async fn room_is_kept_beside_the_database() {
+    let folder = tempfile::tempdir().unwrap();
+    let _store = open(&folder.path().join("jobs.sqlite"), &clock()).await;
+    let reserve = std::fs::metadata(folder.path().join("jobs.sqlite.reserve")).unwrap();
+    assert_eq!(reserve.len(), 4 << 20);
 }

@@ -6,8 +6,9 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use jobs::{
-    ArtifactEntry, Claim, Clock, Event, EventKind, Failure, Heartbeat, Job, JobCounts, JobId,
-    JobState, JobStore, ListQuery, ManualClock, NewJob, StoreError,
+    AccessStore, ArtifactEntry, Claim, Clock, Event, EventKind, Failure, Heartbeat, Idempotency,
+    Job, JobCounts, JobId, JobState, JobStore, KeyText, ListQuery, ManualClock, NewJob, NewKey,
+    Scope, StoreError, Tags, TenantLimits, TenantName,
 };
 use serde_json::json;
 
@@ -16,17 +17,15 @@ const LEASE: Duration = Duration::from_secs(30);
 /// A store under test.
 pub(crate) struct Subject {
     pub store: Arc<dyn JobStore>,
+    /// The same store.
+    pub access: Arc<dyn AccessStore>,
     pub clock: Arc<ManualClock>,
 }
 
 impl Subject {
     async fn enqueue(&self, max_attempts: u32) -> Job {
-        let job = NewJob {
-            id: JobId::new(),
-            kind: "test".to_owned(),
-            payload: json!({ "views": [0, 22.5], "name": "Zeichnung „Ä“" }),
-            max_attempts,
-        };
+        let payload = json!({ "views": [0, 22.5], "name": "Zeichnung „Ä“" });
+        let job = NewJob::new(JobId::new(), "test", payload, max_attempts);
         self.store.enqueue(job).await.unwrap()
     }
 
@@ -68,6 +67,7 @@ impl Subject {
             store.fail(id, attempt, broken()).await.map(drop),
             store.cancelled(id, attempt).await.map(drop),
             store.retry(id, attempt, broken(), Duration::ZERO).await.map(drop),
+            store.postpone(id, attempt, broken()).await.map(drop),
             store.release(id, attempt).await.map(drop),
         ]
     }
@@ -106,12 +106,20 @@ fn artifacts() -> Vec<ArtifactEntry> {
 pub(crate) async fn run<F: AsyncFn() -> Subject>(fresh: F) {
     a_job_goes_from_queued_to_succeeded(&fresh().await).await;
     the_oldest_queued_job_is_claimed_first(&fresh().await).await;
+    an_upload_that_is_sent_again_is_one_job(&fresh().await).await;
+    only_so_many_jobs_of_a_tenant_wait(&fresh().await).await;
+    tenants_are_served_in_turn(&fresh().await).await;
+    a_tenant_s_jobs_are_its_own(&fresh().await).await;
+    keys_are_known_until_they_are_revoked(&fresh().await).await;
     no_two_claimers_get_the_same_job(&fresh().await).await;
     a_lease_lasts_as_long_as_it_is_renewed(&fresh().await).await;
     a_worker_that_lost_its_lease_changes_nothing(&fresh().await).await;
     attempts_are_used_up_by_silent_workers(&fresh().await).await;
     attempts_are_used_up_by_breaking_ones(&fresh().await).await;
     a_broken_attempt_pauses_before_the_next(&fresh().await).await;
+    trouble_of_the_machine_uses_no_attempts_for_an_hour(&fresh().await).await;
+    a_clock_that_is_set_changes_nothing(&fresh().await).await;
+    what_ran_when_the_machine_stopped_runs_again_at_once(&fresh().await).await;
     a_released_attempt_is_given_back_but_not_its_number(&fresh().await).await;
     failing_is_final(&fresh().await).await;
     a_queued_job_is_cancelled_at_once(&fresh().await).await;
@@ -122,8 +130,11 @@ pub(crate) async fn run<F: AsyncFn() -> Subject>(fresh: F) {
     progress_belongs_to_its_attempt(&fresh().await).await;
     listings_go_from_new_to_old_in_parts(&fresh().await).await;
     a_deleted_job_is_gone_with_its_events(&fresh().await).await;
+    jobs_are_found_by_what_people_say_of_them(&fresh().await).await;
+    jobs_go_when_their_time_is_over(&fresh().await).await;
     unknown_jobs_are_not_found(&fresh().await).await;
     names_are_taken_once(&fresh().await).await;
+    bytes_are_ownerless_before_a_job_and_after_it(&fresh().await).await;
     changes_are_announced(&fresh().await).await;
     writers_at_the_same_time_leave_no_gap(&fresh().await).await;
 }
@@ -183,6 +194,161 @@ async fn the_oldest_queued_job_is_claimed_first(subject: &Subject) {
         claimed.push(claim.job.id);
     }
     assert_eq!(claimed, ids);
+}
+
+fn tenant(name: &str) -> TenantName {
+    name.parse().unwrap()
+}
+
+impl Subject {
+    async fn enqueue_for(&self, tenant: &TenantName, priority: i32) -> JobId {
+        let job = NewJob::new(JobId::new(), "test", json!(null), 1);
+        let job = NewJob { tenant: tenant.clone(), priority, ..job };
+        self.store.enqueue(job).await.unwrap().id
+    }
+}
+
+fn keyed(key: &str, fingerprint: &str) -> NewJob {
+    let given = Idempotency { key: key.to_owned(), fingerprint: fingerprint.to_owned() };
+    let job = NewJob::new(JobId::new(), "test", json!(null), 1);
+    NewJob { idempotency: Some(given), ..job }
+}
+
+async fn an_upload_that_is_sent_again_is_one_job(subject: &Subject) {
+    let store = &subject.store;
+    let posts: Vec<_> = (0..100)
+        .map(|_| {
+            let store = Arc::clone(store);
+            tokio::spawn(async move { store.enqueue(keyed("k", "a")).await.unwrap().id })
+        })
+        .collect();
+    let mut ids = HashSet::new();
+    for post in posts {
+        ids.insert(post.await.unwrap());
+    }
+    assert_eq!((ids.len(), store.ids().await.unwrap().len()), (1, 1));
+    let first = subject.claim().await.unwrap().job;
+    assert!(ids.contains(&first.id));
+    let again = store.enqueue(keyed("k", "a")).await.unwrap();
+    assert_eq!((again.id, again.state), (first.id, JobState::Running));
+    assert_eq!(again.as_enqueued(), Job { created_at: first.created_at, ..first.as_enqueued() });
+    assert!(matches!(store.enqueue(keyed("k", "b")).await, Err(StoreError::OtherUpload(_))));
+    // Another tenant's key of the same name is another.
+    let other = tenant("other");
+    subject.access.create_tenant(&other).await.unwrap();
+    let of_other = NewJob { tenant: other.clone(), ..keyed("k", "b") };
+    let of_other = store.enqueue(of_other).await.unwrap();
+    assert_ne!(of_other.id, first.id);
+    let given = |fingerprint: &str| keyed("k", fingerprint).idempotency.unwrap();
+    assert_eq!(store.enqueued(&other, &given("b")).await.unwrap(), Some(of_other));
+    let default = TenantName::default();
+    assert!(matches!(store.enqueued(&default, &given("b")).await, Err(StoreError::OtherUpload(_))));
+    // Deleted jobs do not come back, and a day later all is forgotten.
+    store.succeed(first.id, 1, Vec::new(), None).await.unwrap();
+    store.delete(first.id).await.unwrap();
+    assert!(matches!(store.enqueue(keyed("k", "a")).await, Err(StoreError::NotFound(_))));
+    subject.clock.advance(Duration::from_secs(24 * 3600));
+    assert_eq!(store.enqueued(&default, &given("a")).await.unwrap(), None);
+    assert_ne!(store.enqueue(keyed("k", "c")).await.unwrap().id, first.id);
+}
+
+async fn only_so_many_jobs_of_a_tenant_wait(subject: &Subject) {
+    let limited = || {
+        let job = NewJob::new(JobId::new(), "test", json!(null), 1);
+        NewJob { max_queued: Some(2), ..job }
+    };
+    let other = tenant("other");
+    subject.access.create_tenant(&other).await.unwrap();
+    subject.enqueue_for(&other, 0).await;
+    for _ in 0..2 {
+        subject.store.enqueue(limited()).await.unwrap();
+    }
+    let refused = subject.store.enqueue(limited()).await;
+    assert!(matches!(refused, Err(StoreError::TooManyQueued { most: 2, .. })));
+    while subject.claim().await.is_some() {}
+    subject.store.enqueue(limited()).await.unwrap();
+}
+
+async fn tenants_are_served_in_turn(subject: &Subject) {
+    let [many, few, limited] = ["many", "few", "limited"].map(tenant);
+    for name in [&many, &few, &limited] {
+        subject.access.create_tenant(name).await.unwrap();
+    }
+    let limits = TenantLimits { max_running: Some(0), ..TenantLimits::default() };
+    subject.access.limit_tenant(&limited, &limits).await.unwrap();
+    subject.enqueue_for(&limited, 9).await;
+    let mut of_many = Vec::new();
+    for _ in 0..4 {
+        of_many.push(subject.enqueue_for(&many, 0).await);
+    }
+    let urgent = subject.enqueue_for(&many, 5).await;
+    let first = subject.claim().await.unwrap().job;
+    assert_eq!((first.id, first.tenant), (urgent, many.clone()));
+    // One that comes late with one job does not wait for all of the others'.
+    let single = subject.enqueue_for(&few, 0).await;
+    assert_eq!(subject.claim().await.unwrap().job.id, single);
+    // With as many running, in turn.
+    let again = subject.enqueue_for(&few, 0).await;
+    let claimed = [subject.claim().await.unwrap(), subject.claim().await.unwrap()];
+    assert_eq!(claimed.map(|claim| claim.job.id), [of_many[0], again]);
+    for id in &of_many[1..] {
+        assert_eq!(subject.claim().await.unwrap().job.id, *id);
+    }
+    assert!(subject.claim().await.is_none(), "a tenant got more than its limit");
+}
+
+async fn a_tenant_s_jobs_are_its_own(subject: &Subject) {
+    let (access, other) = (&subject.access, tenant("other"));
+    let unknown = NewJob::new(JobId::new(), "test", json!(null), 1);
+    let unknown = NewJob { tenant: other.clone(), ..unknown };
+    let refused = subject.store.enqueue(unknown).await;
+    assert!(matches!(refused, Err(StoreError::NoTenant(name)) if name == other));
+    access.create_tenant(&other).await.unwrap();
+    assert!(matches!(access.create_tenant(&other).await, Err(StoreError::TenantExists(_))));
+    let (mine, own) = (subject.enqueue(1).await.id, subject.enqueue_for(&other, 0).await);
+    let list = async |tenant| {
+        let query = ListQuery { tenant: Some(tenant), limit: 10, ..ListQuery::default() };
+        let page = subject.store.list(&query).await.unwrap();
+        page.jobs.iter().map(|job| job.id).collect::<Vec<_>>()
+    };
+    assert_eq!(list(TenantName::default()).await, [mine]);
+    assert_eq!(list(other.clone()).await, [own]);
+    assert_eq!(subject.claim().await.unwrap().job.id, mine);
+    assert_eq!(subject.claim().await.unwrap().job.id, own);
+    for name in [&other, &TenantName::default()] {
+        assert!(matches!(access.delete_tenant(name).await, Err(StoreError::TenantInUse(_))));
+    }
+    subject.store.succeed(own, 1, Vec::new(), None).await.unwrap();
+    assert_eq!(access.delete_tenant(&other).await.unwrap(), [own]);
+    assert!(matches!(access.delete_tenant(&other).await, Err(StoreError::NoTenant(_))));
+    assert!(subject.store.is_ownerless(own, Duration::ZERO).await.unwrap());
+    assert_eq!(subject.store.ids().await.unwrap(), [mine]);
+    let names: Vec<_> = access.tenants().await.unwrap().into_iter().map(|it| it.name).collect();
+    assert_eq!(names, [TenantName::default()]);
+}
+
+async fn keys_are_known_until_they_are_revoked(subject: &Subject) {
+    let access = &subject.access;
+    assert!(!access.has_keys().await.unwrap());
+    let text = KeyText::generate();
+    let new = |name| NewKey { tenant: tenant(name), label: "farm".into(), scope: Scope::Write };
+    let refused = access.add_key(&new("nobody"), &text).await;
+    assert!(matches!(refused, Err(StoreError::NoTenant(_))));
+    let key = access.add_key(&new("default"), &text).await.unwrap();
+    assert!(access.has_keys().await.unwrap());
+    assert_eq!(access.authenticate(&text).await.unwrap(), Some(key.clone()));
+    // The same id with another secret.
+    let forged = format!("{}_{}", text.id(), "0".repeat(64)).parse().unwrap();
+    assert_eq!(access.authenticate(&forged).await.unwrap(), None);
+    assert_eq!(access.authenticate(&KeyText::generate()).await.unwrap(), None);
+    let revoked = access.revoke_key(&key.id).await.unwrap();
+    assert_eq!(revoked.revoked_at, Some(subject.clock.now()));
+    subject.clock.advance(Duration::from_secs(1));
+    assert_eq!(access.revoke_key(&key.id).await.unwrap(), revoked);
+    assert_eq!(access.authenticate(&text).await.unwrap(), None);
+    assert_eq!(access.keys().await.unwrap(), [revoked]);
+    assert!(!access.has_keys().await.unwrap());
+    assert!(matches!(access.revoke_key("ta_none").await, Err(StoreError::NoKey(_))));
 }
 
 async fn no_two_claimers_get_the_same_job(subject: &Subject) {
@@ -288,6 +454,88 @@ async fn a_broken_attempt_pauses_before_the_next(subject: &Subject) {
     subject.clock.advance(Duration::from_millis(1));
     assert_eq!(subject.claim().await.unwrap().job.id, first);
     assert_eq!(subject.get(second).await.state, JobState::Running);
+}
+
+async fn trouble_of_the_machine_uses_no_attempts_for_an_hour(subject: &Subject) {
+    let id = subject.enqueue(1).await.id;
+    let mut pauses = Vec::new();
+    loop {
+        let mut seconds = 0;
+        let claim = loop {
+            match subject.claim().await {
+                Some(claim) => break claim,
+                None => subject.clock.advance(Duration::from_secs(1)),
+            }
+            seconds += 1;
+        };
+        pauses.push(seconds);
+        assert_eq!(claim.job.attempts_used, 1);
+        let state = subject.store.postpone(id, claim.attempt, broken()).await.unwrap();
+        if state == JobState::Failed {
+            break;
+        }
+        assert_eq!((state, subject.get(id).await.attempts_used), (JobState::Queued, 0));
+    }
+    assert_eq!(pauses[..9], [0, 1, 2, 4, 8, 16, 32, 60, 60]);
+    assert_eq!(pauses.iter().sum::<u64>(), 3603);
+    assert_eq!(subject.get(id).await.failure, Some(broken()));
+}
+
+async fn a_clock_that_is_set_changes_nothing(subject: &Subject) {
+    let start = subject.clock.now();
+    let years = |count: i64| start + jiff::SignedDuration::from_hours(24 * 365 * count);
+    let claim = subject.running(1).await;
+    for now in [start - jiff::SignedDuration::from_hours(1), years(10), start] {
+        subject.clock.set(now);
+        assert_eq!(subject.store.reap().await.unwrap(), 0);
+        // What is enqueued now is claimed now, the oldest first.
+        let (first, second) = (subject.enqueue(3).await.id, subject.enqueue(3).await.id);
+        assert_eq!(subject.claim().await.unwrap().job.id, first);
+        assert_eq!(subject.claim().await.unwrap().job.id, second);
+        for id in [first, second] {
+            let beat = subject.store.heartbeat(id, 1, LEASE).await.unwrap();
+            assert_eq!(beat, Heartbeat::Held { cancel_requested: false });
+            subject.store.succeed(id, 1, Vec::new(), None).await.unwrap();
+        }
+    }
+    // A lease given while the clock was wrong ends when its time has passed.
+    subject.clock.set(years(10));
+    subject.store.heartbeat(claim.job.id, 1, LEASE).await.unwrap();
+    subject.clock.set(start);
+    subject.clock.advance(LEASE);
+    assert_eq!(subject.store.reap().await.unwrap(), 1);
+}
+
+async fn what_ran_when_the_machine_stopped_runs_again_at_once(subject: &Subject) {
+    subject.clock.advance(Duration::from_secs(1000));
+    let id = subject.running(3).await.job.id;
+    let paused = subject.running(3).await.job.id;
+    let pause = Duration::from_secs(3000);
+    subject.store.retry(paused, 1, broken(), pause).await.unwrap();
+    subject.clock.reboot("second");
+    assert_eq!(subject.store.reap().await.unwrap(), 1);
+    assert_eq!(subject.claim().await.unwrap().job.id, id);
+    assert_eq!(subject.claim().await.unwrap().job.id, paused);
+}
+
+async fn bytes_are_ownerless_before_a_job_and_after_it(subject: &Subject) {
+    let (store, hour) = (&subject.store, Duration::from_secs(3600));
+    let id = JobId::new();
+    assert!(!store.is_ownerless(id, Duration::ZERO).await.unwrap());
+    store.expect_bytes(id).await.unwrap();
+    assert!(!store.is_ownerless(id, hour).await.unwrap());
+    // However wrong the time is that people read.
+    subject.clock.set(subject.clock.now() + jiff::SignedDuration::from_hours(100));
+    assert!(!store.is_ownerless(id, hour).await.unwrap());
+    subject.clock.advance(hour);
+    assert!(store.is_ownerless(id, hour).await.unwrap());
+    let job = NewJob::new(id, "test", json!(null), 1);
+    store.enqueue(job).await.unwrap();
+    assert!(!store.is_ownerless(id, Duration::ZERO).await.unwrap());
+    store.delete(id).await.unwrap();
+    assert!(store.is_ownerless(id, Duration::ZERO).await.unwrap());
+    store.forget_bytes(id).await.unwrap();
+    assert!(!store.is_ownerless(id, Duration::ZERO).await.unwrap());
 }
 
 async fn a_released_attempt_is_given_back_but_not_its_number(subject: &Subject) {
@@ -410,8 +658,7 @@ async fn listings_go_from_new_to_old_in_parts(subject: &Subject) {
         ids.push(subject.enqueue(3).await.id);
     }
     ids.reverse();
-    let other =
-        NewJob { id: JobId::new(), kind: "drawing".into(), payload: json!(null), max_attempts: 1 };
+    let other = NewJob::new(JobId::new(), "drawing", json!(null), 1);
     let other = subject.store.enqueue(other).await.unwrap();
     assert_eq!(subject.claim().await.unwrap().job.id, ids[6]);
 
@@ -460,6 +707,67 @@ async fn a_deleted_job_is_gone_with_its_events(subject: &Subject) {
     assert_eq!(subject.store.ids().await.unwrap(), []);
 }
 
+async fn jobs_are_found_by_what_people_say_of_them(subject: &Subject) {
+    let labels = |pairs: &[(&str, &str)]| {
+        pairs.iter().map(|(name, value)| (name.to_string(), value.to_string())).collect()
+    };
+    let tags = Tags { labels: labels(&[("show", "7"), ("shot", "ä")]), ..Tags::default() };
+    let job = NewJob::new(JobId::new(), "test", json!(null), 1);
+    let first = subject.store.enqueue(NewJob { tags: tags.clone(), ..job }).await.unwrap();
+    assert_eq!(first.tags, tags);
+    subject.clock.advance(Duration::from_secs(60));
+    let second = subject.enqueue(1).await.id;
+    let list = async |query: ListQuery| {
+        let page = subject.store.list(&ListQuery { limit: 10, ..query }).await.unwrap();
+        page.jobs.iter().map(|job| job.id).collect::<Vec<_>>()
+    };
+    let by = |pairs| ListQuery { labels: labels(pairs), ..ListQuery::default() };
+    assert_eq!(list(by(&[("show", "7"), ("shot", "ä")])).await, [first.id]);
+    for none in [[("show", "8")].as_slice(), &[("show", "7"), ("take", "1")], &[("%", "7")]] {
+        assert_eq!(list(by(none)).await, []);
+    }
+    let named = Tags { name: Some("Ida".into()), labels: labels(&[("show", "8")]), ..tags };
+    let tagged = subject.store.tag(second, &named).await.unwrap();
+    assert_eq!((&tagged.tags, tagged.version), (&named, 2));
+    assert_eq!(subject.kinds(second).await, [EventKind::Queued, EventKind::Tagged]);
+    assert_eq!(list(by(&[("show", "8")])).await, [second]);
+    let time = Some(subject.clock.now());
+    let default = ListQuery::default;
+    assert_eq!(list(ListQuery { created_from: time, ..default() }).await, [second]);
+    assert_eq!(list(ListQuery { created_before: time, ..default() }).await, [first.id]);
+}
+
+async fn jobs_go_when_their_time_is_over(subject: &Subject) {
+    let store = &subject.store;
+    let hour = jiff::SignedDuration::from_hours(1);
+    let mut ids = Vec::new();
+    for pinned in [false, true, false] {
+        let tags = Tags { expires_at: Some(subject.clock.now() + hour), pinned, ..Tags::default() };
+        let job = NewJob::new(JobId::new(), "test", json!(null), 1);
+        ids.push(store.enqueue(NewJob { tags, ..job }).await.unwrap().id);
+    }
+    for id in &ids[..2] {
+        assert_eq!(subject.claim().await.unwrap().job.id, *id);
+        store.succeed(*id, 1, artifacts(), None).await.unwrap();
+    }
+    assert_eq!(store.expire().await.unwrap(), []);
+    subject.clock.advance(Duration::from_secs(3600));
+    // The one that waits still has not ended.
+    assert_eq!(store.expire().await.unwrap(), [ids[0]]);
+    assert!(store.is_ownerless(ids[0], Duration::ZERO).await.unwrap());
+    // One that runs goes when it has ended.
+    assert!(!store.delete_when_ended(ids[1]).await.unwrap());
+    let running = subject.claim().await.unwrap().job.id;
+    assert_eq!(running, ids[2]);
+    assert!(store.delete_when_ended(running).await.unwrap());
+    assert_eq!(store.expire().await.unwrap(), []);
+    let beat = store.heartbeat(running, 1, LEASE).await.unwrap();
+    assert_eq!(beat, Heartbeat::Held { cancel_requested: true });
+    store.cancelled(running, 1).await.unwrap();
+    assert_eq!(store.expire().await.unwrap(), [running]);
+    assert_eq!(store.ids().await.unwrap(), [ids[1]]);
+}
+
 async fn unknown_jobs_are_not_found(subject: &Subject) {
     let id = JobId::new();
     for result in subject.write_everything(id, 1).await {
@@ -471,7 +779,7 @@ async fn unknown_jobs_are_not_found(subject: &Subject) {
 
 async fn names_are_taken_once(subject: &Subject) {
     let job = subject.enqueue(3).await;
-    let again = NewJob { id: job.id, kind: "other".into(), payload: json!(null), max_attempts: 1 };
+    let again = NewJob::new(job.id, "other", json!(null), 1);
     assert!(matches!(subject.store.enqueue(again).await, Err(StoreError::Backend(_))));
     assert_eq!(subject.get(job.id).await, job);
     subject.events(job.id).await;

@@ -1,0 +1,181 @@
+//! Tenants and keys on SQLite.
+
+use async_trait::async_trait;
+use jiff::Timestamp;
+use sqlx::sqlite::SqliteRow;
+use sqlx::{FromRow, Row};
+use subtle::ConstantTimeEq;
+
+use super::{SqliteStore, backend, ownerless, rows};
+use crate::access::{AccessStore, ApiKey, KeyText, NewKey, Tenant, TenantLimits, TenantName};
+use crate::{JobId, StoreError};
+
+impl<'r> FromRow<'r, SqliteRow> for Tenant {
+    fn from_row(row: &'r SqliteRow) -> sqlx::Result<Self> {
+        Ok(Self {
+            name: tenant_name(row, "name")?,
+            created_at: rows::time(row, "created_ms")?,
+            limits: rows::json(row, "limits")?,
+        })
+    }
+}
+
+impl<'r> FromRow<'r, SqliteRow> for ApiKey {
+    fn from_row(row: &'r SqliteRow) -> sqlx::Result<Self> {
+        Ok(Self {
+            id: row.try_get("id")?,
+            tenant: tenant_name(row, "tenant")?,
+            label: row.try_get("label")?,
+            scope: rows::named(row, "scope")?,
+            created_at: rows::time(row, "created_ms")?,
+            revoked_at: rows::optional_time(row, "revoked_ms")?,
+        })
+    }
+}
+
+pub(super) fn tenant_name(row: &SqliteRow, column: &'static str) -> sqlx::Result<TenantName> {
+    row.try_get::<String, _>(column)?.try_into().map_err(rows::decode)
+}
+
+#[async_trait]
+impl AccessStore for SqliteStore {
+    async fn create_tenant(&self, name: &TenantName) -> Result<Tenant, StoreError> {
+        let mut transaction = self.begin().await?;
+        let made = sqlx::query("INSERT OR IGNORE INTO tenants (name, created_ms) VALUES (?1, ?2)")
+            .bind(name.as_str())
+            .bind(self.clock.now().as_millisecond())
+            .execute(&mut *transaction)
+            .await
+            .map_err(backend)?;
+        if made.rows_affected() == 0 {
+            return Err(StoreError::TenantExists(name.clone()));
+        }
+        transaction.commit().await.map_err(backend)?;
+        self.tenant(name).await
+    }
+
+    async fn tenants(&self) -> Result<Vec<Tenant>, StoreError> {
+        let found = sqlx::query_as("SELECT * FROM tenants ORDER BY name");
+        found.fetch_all(&self.readers).await.map_err(backend)
+    }
+
+    async fn tenant(&self, name: &TenantName) -> Result<Tenant, StoreError> {
+        let found = sqlx::query_as("SELECT * FROM tenants WHERE name = ?1").bind(name.as_str());
+        let found: Option<Tenant> = found.fetch_optional(&self.readers).await.map_err(backend)?;
+        found.ok_or_else(|| StoreError::NoTenant(name.clone()))
+    }
+
+    async fn limit_tenant(
+        &self,
+        name: &TenantName,
+        limits: &TenantLimits,
+    ) -> Result<Tenant, StoreError> {
+        let mut transaction = self.begin().await?;
+        sqlx::query("UPDATE tenants SET limits = ?2 WHERE name = ?1")
+            .bind(name.as_str())
+            .bind(serde_json::to_string(limits).map_err(backend)?)
+            .execute(&mut *transaction)
+            .await
+            .map_err(backend)?;
+        transaction.commit().await.map_err(backend)?;
+        self.tenant(name).await
+    }
+
+    async fn delete_tenant(&self, name: &TenantName) -> Result<Vec<JobId>, StoreError> {
+        self.tenant(name).await?;
+        let mut transaction = self.begin().await?;
+        let running: bool = sqlx::query_scalar(
+            "SELECT EXISTS (SELECT 1 FROM jobs WHERE state = 'running' AND tenant = ?1)",
+        )
+        .bind(name.as_str())
+        .fetch_one(&mut *transaction)
+        .await
+        .map_err(backend)?;
+        if running || *name == TenantName::default() {
+            return Err(StoreError::TenantInUse(name.clone()));
+        }
+        let deleted: Vec<String> =
+            sqlx::query_scalar("DELETE FROM jobs WHERE tenant = ?1 RETURNING id")
+                .bind(name.as_str())
+                .fetch_all(&mut *transaction)
+                .await
+                .map_err(backend)?;
+        let jobs: Vec<JobId> = deleted.iter().filter_map(|id| id.parse().ok()).collect();
+        for id in &jobs {
+            ownerless::add(&mut transaction, *id, &self.clock.uptime()).await?;
+        }
+        sqlx::query("DELETE FROM tenants WHERE name = ?1")
+            .bind(name.as_str())
+            .execute(&mut *transaction)
+            .await
+            .map_err(backend)?;
+        transaction.commit().await.map_err(backend)?;
+        Ok(jobs)
+    }
+
+    async fn add_key(&self, key: &NewKey, text: &KeyText) -> Result<ApiKey, StoreError> {
+        self.tenant(&key.tenant).await?;
+        let created_at = self.clock.now();
+        let mut transaction = self.begin().await?;
+        sqlx::query(
+            "INSERT INTO keys (id, tenant, label, scope, hash, created_ms)
+             VALUES (?1, ?2, ?3, ?4, ?5, ?6)",
+        )
+        .bind(text.id())
+        .bind(key.tenant.as_str())
+        .bind(&key.label)
+        .bind(rows::name(&key.scope)?)
+        .bind(text.hash())
+        .bind(created_at.as_millisecond())
+        .execute(&mut *transaction)
+        .await
+        .map_err(backend)?;
+        transaction.commit().await.map_err(backend)?;
+        Ok(ApiKey {
+            id: text.id().to_owned(),
+            tenant: key.tenant.clone(),
+            label: key.label.clone(),
+            scope: key.scope,
+            created_at,
+            revoked_at: None,
+        })
+    }
+
+    async fn keys(&self) -> Result<Vec<ApiKey>, StoreError> {
+        let found = sqlx::query_as("SELECT * FROM keys ORDER BY tenant, created_ms, id");
+        found.fetch_all(&self.readers).await.map_err(backend)
+    }
+
+    async fn revoke_key(&self, id: &str) -> Result<ApiKey, StoreError> {
+        let now: Timestamp = self.clock.now();
+        let mut transaction = self.begin().await?;
+        sqlx::query("UPDATE keys SET revoked_ms = ?2 WHERE id = ?1 AND revoked_ms IS NULL")
+            .bind(id)
+            .bind(now.as_millisecond())
+            .execute(&mut *transaction)
+            .await
+            .map_err(backend)?;
+        let revoked = sqlx::query_as("SELECT * FROM keys WHERE id = ?1").bind(id);
+        let revoked: Option<ApiKey> =
+            revoked.fetch_optional(&mut *transaction).await.map_err(backend)?;
+        let revoked = revoked.ok_or_else(|| StoreError::NoKey(id.to_owned()))?;
+        transaction.commit().await.map_err(backend)?;
+        Ok(revoked)
+    }
+
+    async fn authenticate(&self, text: &KeyText) -> Result<Option<ApiKey>, StoreError> {
+        let found = sqlx::query("SELECT * FROM keys WHERE id = ?1 AND revoked_ms IS NULL");
+        let found = found.bind(text.id()).fetch_optional(&self.readers).await.map_err(backend)?;
+        let Some(row) = found else { return Ok(None) };
+        let stored: String = row.try_get("hash").map_err(backend)?;
+        let is_same: bool = stored.as_bytes().ct_eq(text.hash().as_bytes()).into();
+        is_same.then(|| ApiKey::from_row(&row).map_err(backend)).transpose()
+    }
+
+    async fn has_keys(&self) -> Result<bool, StoreError> {
+        sqlx::query_scalar("SELECT EXISTS (SELECT 1 FROM keys WHERE revoked_ms IS NULL)")
+            .fetch_one(&self.readers)
+            .await
+            .map_err(backend)
+    }
+}

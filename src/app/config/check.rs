@@ -1,0 +1,101 @@
+//! Settings that make no sense are refused at the start, not found out later.
+
+use anyhow::{Result, ensure};
+
+use super::Config;
+
+impl Config {
+    /// Refuses settings that make no sense, alone or together.
+    ///
+    /// # Errors
+    /// Says which, why, and what is taken.
+    pub(super) fn check(&self) -> Result<()> {
+        let Self { http, workers, limits, .. } = self;
+        for origin in &http.cors_origin {
+            ensure!(
+                is_origin(origin),
+                "cors_origin is `{origin}`; give an origin such as https://studio.example, without a path, or *"
+            );
+        }
+        for host in &http.allowed_host {
+            ensure!(
+                is_host(host),
+                "allowed_host is `{host}`; give a name or address without a port"
+            );
+        }
+        for (name, value, range) in [
+            ("workers", workers.workers as u64, 1..=256),
+            ("threads_per_job", workers.threads_per_job as u64, 0..=1024),
+            ("max_attempts", workers.max_attempts.into(), 1..=100),
+            ("max_job_seconds", workers.max_job_seconds, 1..=604_800),
+            ("heartbeat", workers.heartbeat, 1..=3600),
+            ("lease", workers.lease, 2..=86_400),
+            ("shutdown_grace", workers.shutdown_grace, 0..=86_400),
+            ("header_timeout", http.header_timeout, 1..=3600),
+            ("body_idle_timeout", http.body_idle_timeout, 1..=3600),
+            ("write_timeout", http.write_timeout, 1..=3600),
+            ("max_streams", http.max_streams as u64, 1..=100_000),
+            ("max_views", limits.max_views as u64, 1..=360),
+            ("max_image_mib", limits.max_image_mib, 1..=4096),
+            ("max_image_megapixels", limits.max_image_megapixels, 1..=4096),
+            ("max_image_side", limits.max_image_side.into(), 1..=65_535),
+            ("max_model_mib", limits.max_model_mib as u64, 1..=4096),
+            ("max_model_triangles", limits.max_model_triangles as u64, 1..=100_000_000),
+            ("max_body_mib", limits.max_body_mib, 1..=65_536),
+        ] {
+            let (least, most) = (range.start(), range.end());
+            ensure!(range.contains(&value), "{name} is {value}; give {least} to {most}");
+        }
+        let (lease, heartbeat) = (workers.lease, workers.heartbeat);
+        ensure!(
+            lease >= 2 * heartbeat,
+            "lease is {lease} and heartbeat {heartbeat} seconds; a lease must last two heartbeats at least, or every job is taken from its worker"
+        );
+        Ok(())
+    }
+}
+
+/// Whether browsers would send it as an origin.
+fn is_origin(text: &str) -> bool {
+    let authority = text.strip_prefix("https://").or_else(|| text.strip_prefix("http://"));
+    text == "*" || authority.is_some_and(|rest| !rest.is_empty() && is_authority(rest))
+}
+
+fn is_authority(text: &str) -> bool {
+    let parsed = text.parse::<axum::http::uri::Authority>();
+    parsed.is_ok_and(|parsed| parsed.as_str() == text && !text.contains('@'))
+}
+
+fn is_host(text: &str) -> bool {
+    is_authority(text) && (text.starts_with('[') && text.ends_with(']') || !text.contains(':'))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::resolve;
+
+    #[test]
+    fn what_makes_no_sense_is_refused() {
+        for (args, told) in [
+            (["--lease", "5"].as_slice(), "two heartbeats"),
+            (&["--workers", "100000"], "workers is 100000; give 1 to 256"),
+            (&["--workers", "0"], "workers is 0"),
+            (&["--max-views", "0"], "max_views is 0"),
+            (&["--cors-origin", "studio.example"], "`studio.example`"),
+            (&["--cors-origin", "https://studio.example/app"], "without a path"),
+            (&["--allowed-host", "studio.example:80"], "without a port"),
+            (&["--max-job-seconds", "0"], "max_job_seconds is 0"),
+        ] {
+            let error = resolve(args).unwrap_err().to_string();
+            assert!(error.contains(told), "{args:?}: {error}");
+        }
+        for args in [
+            ["--lease", "20"].as_slice(),
+            &["--cors-origin", "https://studio.example:8443,http://localhost:5173"],
+            &["--cors-origin", "*"],
+            &["--allowed-host", "draft.studio.example,[::1],10.0.0.1"],
+        ] {
+            resolve(args).unwrap();
+        }
+    }
+}

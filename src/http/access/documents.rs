@@ -1,0 +1,151 @@
+//! Tenants and keys as administrators see them.
+
+use jiff::Timestamp;
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+use jobs::{ApiKey, Tenant, TenantLimits};
+
+/// Somebody whose jobs nobody else sees.
+#[derive(Debug, Serialize, ToSchema)]
+#[schema(as = Tenant, example = json!({
+    "name": "show-7", "created_at": "2026-11-27T08:00:00Z", "limits": {"max_queued": 500}
+}))]
+pub(in crate::http) struct TenantDocument {
+    #[schema(pattern = "^[a-z0-9-]{1,63}$")]
+    pub name: String,
+    #[schema(value_type = String, format = DateTime)]
+    pub created_at: Timestamp,
+    pub limits: Limits,
+}
+
+/// What of the service's limits is otherwise for a tenant; what is left out holds
+/// as for all.
+#[derive(Clone, Debug, Default, Serialize, Deserialize, ToSchema)]
+#[serde(default, deny_unknown_fields)]
+#[schema(as = TenantLimits)]
+pub(in crate::http) struct Limits {
+    /// Requests a second.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(minimum = 1, nullable = false)]
+    pub requests_per_second: Option<u32>,
+    /// Jobs waiting at a time.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub max_queued: Option<u32>,
+    /// Jobs running at a time.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub max_running: Option<u32>,
+    /// Event streams open at a time.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub max_streams: Option<u32>,
+}
+
+/// A tenant to be made.
+#[derive(Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+#[schema(example = json!({"name": "show-7"}))]
+pub(in crate::http) struct NewTenant {
+    #[schema(pattern = "^[a-z0-9-]{1,63}$")]
+    pub name: String,
+}
+
+/// All tenants, by name.
+#[derive(Debug, Serialize, ToSchema)]
+pub(in crate::http) struct TenantList {
+    pub tenants: Vec<TenantDocument>,
+}
+
+/// What a key allows; each includes those before it.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+#[schema(as = Scope)]
+pub(in crate::http) enum ScopeName {
+    Read,
+    Write,
+    Admin,
+}
+
+/// A key to be made.
+#[derive(Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+#[schema(as = NewKey, example = json!({"tenant": "show-7", "label": "render farm", "scope": "write"}))]
+pub(in crate::http) struct NewKeyDocument {
+    pub tenant: String,
+    /// What people call it.
+    #[schema(max_length = 200)]
+    pub label: String,
+    pub scope: ScopeName,
+}
+
+/// A key. The whole of it is shown once, when it is made.
+#[derive(Debug, Serialize, ToSchema)]
+#[schema(as = Key)]
+pub(in crate::http) struct KeyDocument {
+    /// The readable first part of the key.
+    #[schema(example = "ta_0123456789ab")]
+    pub id: String,
+    pub tenant: String,
+    pub label: String,
+    pub scope: ScopeName,
+    #[schema(value_type = String, format = DateTime)]
+    pub created_at: Timestamp,
+    #[schema(value_type = Option<String>, format = DateTime)]
+    pub revoked_at: Option<Timestamp>,
+    /// The whole key, for `Authorization: Bearer`; only in the answer that makes it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub key: Option<String>,
+}
+
+/// All keys, by tenant and age.
+#[derive(Debug, Serialize, ToSchema)]
+pub(in crate::http) struct KeyList {
+    pub keys: Vec<KeyDocument>,
+}
+
+impl From<Tenant> for TenantDocument {
+    fn from(tenant: Tenant) -> Self {
+        let TenantLimits { requests_per_second, max_queued, max_running, max_streams } =
+            tenant.limits;
+        let limits = Limits { requests_per_second, max_queued, max_running, max_streams };
+        Self { name: tenant.name.to_string(), created_at: tenant.created_at, limits }
+    }
+}
+
+impl From<Limits> for TenantLimits {
+    fn from(limits: Limits) -> Self {
+        let Limits { requests_per_second, max_queued, max_running, max_streams } = limits;
+        Self { requests_per_second, max_queued, max_running, max_streams }
+    }
+}
+
+impl From<ApiKey> for KeyDocument {
+    fn from(key: ApiKey) -> Self {
+        Self {
+            id: key.id,
+            tenant: key.tenant.to_string(),
+            label: key.label,
+            scope: match key.scope {
+                jobs::Scope::Read => ScopeName::Read,
+                jobs::Scope::Write => ScopeName::Write,
+                jobs::Scope::Admin => ScopeName::Admin,
+            },
+            created_at: key.created_at,
+            revoked_at: key.revoked_at,
+            key: None,
+        }
+    }
+}
+
+impl From<ScopeName> for jobs::Scope {
+    fn from(scope: ScopeName) -> Self {
+        match scope {
+            ScopeName::Read => Self::Read,
+            ScopeName::Write => Self::Write,
+            ScopeName::Admin => Self::Admin,
+        }
+    }
+}

@@ -1,0 +1,8 @@
+//! The service as a process, in trouble: what the machine, people and clients do
+//! to one that runs unattended, a file a matter.
+
+mod full_disk;
+mod keys;
+mod process;
+mod settings;
+mod stopping;
