@@ -81,7 +81,7 @@ pub(super) fn cors(origins: &[String]) -> Option<CorsLayer> {
     ];
     let layer = CorsLayer::new()
         .allow_origin(allowed)
-        .allow_methods([Method::GET, Method::HEAD, Method::POST, Method::DELETE])
+        .allow_methods([Method::GET, Method::HEAD, Method::POST, Method::PUT, Method::DELETE])
         .allow_headers(AllowHeaders::list(accepted))
         .expose_headers(ExposeHeaders::list(exposed));
     Some(layer)

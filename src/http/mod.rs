@@ -6,6 +6,7 @@
 
 mod artifacts;
 mod conditional;
+mod drawn_pages;
 mod events;
 mod health;
 mod layers;

@@ -17,7 +17,7 @@ use super::layers;
 use super::openapi::Description;
 use super::problem::{METHOD_NOT_ALLOWED, NOT_FOUND, Problem};
 use super::state::{Api, ApiState};
-use super::{HttpLimits, health, pages, reconstructions, sheets};
+use super::{HttpLimits, drawn_pages, health, pages, reconstructions, sheets};
 
 /// The whole interface over `state`.
 pub fn router(state: ApiState, limits: &HttpLimits) -> Router {
@@ -63,6 +63,7 @@ fn quick_routes() -> OpenApiRouter<Arc<Api>> {
         .routes(paths!(reconstructions::artifacts))
         .routes(paths!(sheets::list))
         .routes(paths!(sheets::delete))
+        .routes(paths!(drawn_pages::delete))
         .routes(paths!(sheets::cancel))
         .routes(paths!(sheets::artifacts))
         .routes(paths!(pages::options))
@@ -82,7 +83,11 @@ fn patient_routes() -> OpenApiRouter<Arc<Api>> {
 
 /// Limits its time by itself, as uploads may take long.
 fn upload_routes() -> OpenApiRouter<Arc<Api>> {
-    OpenApiRouter::new().routes(paths!(reconstructions::create)).routes(paths!(sheets::create))
+    OpenApiRouter::new()
+        .routes(paths!(reconstructions::create))
+        .routes(paths!(sheets::create))
+        .routes(paths!(drawn_pages::create))
+        .routes(paths!(drawn_pages::replace))
 }
 
 fn stream_routes() -> OpenApiRouter<Arc<Api>> {
@@ -95,6 +100,8 @@ fn content_routes() -> OpenApiRouter<Arc<Api>> {
         .routes(paths!(reconstructions::artifact))
         .routes(paths!(reconstructions::metrics))
         .routes(paths!(sheets::artifact))
+        .routes(paths!(drawn_pages::get))
+        .routes(paths!(drawn_pages::file))
 }
 
 async fn nothing_here(uri: Uri) -> Problem {

@@ -57,7 +57,7 @@ pub(super) async fn keep(config: WorkerConfig, store: Arc<dyn JobStore>, bytes: 
 }
 
 /// Deletes the bytes of attempts that are over without being published, and of
-/// jobs that are not in the store.
+/// neither jobs nor pages that are in the store.
 ///
 /// A job that is uploading is not in the store yet. It is told from one that
 /// never got there by age, for the upload may go through another process: all
@@ -82,7 +82,7 @@ pub async fn collect(
                 }
             }
             Err(StoreError::NotFound(_)) => {
-                if is_abandoned(bytes, id, now, min_age).await? {
+                if is_abandoned(bytes, id, now, min_age).await? && !is_page(store, id).await? {
                     bytes.delete_job(id).await?;
                     collected.jobs += 1;
                 }
@@ -91,6 +91,14 @@ pub async fn collect(
         }
     }
     Ok(collected)
+}
+
+async fn is_page(store: &dyn JobStore, id: JobId) -> Result<bool, StoreError> {
+    match store.page(id).await {
+        Ok(_) => Ok(true),
+        Err(StoreError::NotFound(_)) => Ok(false),
+        Err(error) => Err(error),
+    }
 }
 
 /// Whether the bytes of `attempt` will never be published.

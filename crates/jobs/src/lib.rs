@@ -8,12 +8,14 @@
 
 pub mod bytes;
 mod clock;
+mod pages;
 mod record;
 mod sqlite;
 mod store;
 mod types;
 
 pub use clock::{Clock, ManualClock, SystemClock};
+pub use pages::{PageStore, StoredPage};
 pub use sqlite::SqliteStore;
 pub use store::{JobStore, StoreError};
 pub use types::{

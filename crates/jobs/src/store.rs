@@ -6,6 +6,7 @@ use async_trait::async_trait;
 use serde_json::Value;
 use tokio::sync::broadcast;
 
+use super::pages::PageStore;
 use super::{
     ArtifactEntry, Claim, Event, Failure, Heartbeat, Job, JobChange, JobCounts, JobId, JobState,
     ListQuery, NewJob, Page,
@@ -14,8 +15,8 @@ use super::{
 /// Why a store could not do what was asked.
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
-    /// No job has this name.
-    #[error("no job {0}")]
+    /// No job or page has this name.
+    #[error("nothing is named {0}")]
     NotFound(JobId),
     /// The job is finished, so it can't be cancelled.
     #[error("job {id} is finished already")]
@@ -28,6 +29,14 @@ pub enum StoreError {
     Running {
         /// Name of the job.
         id: JobId,
+    },
+    /// The page was changed meanwhile.
+    #[error("page {id} is at version {version} by now")]
+    Changed {
+        /// Name of the page.
+        id: JobId,
+        /// The version that it is at.
+        version: u64,
     },
     /// The (job, attempt) no longer holds the lease.
     #[error("attempt {attempt} of job {id} lost its lease")]
@@ -42,12 +51,12 @@ pub enum StoreError {
     Backend(#[source] Box<dyn std::error::Error + Send + Sync>),
 }
 
-/// A durable queue of jobs. Every method is one transaction; when it returns,
+/// A durable queue of jobs, and the pages that they may take as sources. Every method is one transaction; when it returns,
 /// its effect survives a crash of process and machine.
 ///
 /// `tests/job_store.rs` is the suite that every implementation passes.
 #[async_trait]
-pub trait JobStore: Send + Sync {
+pub trait JobStore: PageStore {
     /// Adds a job in state queued.
     async fn enqueue(&self, job: NewJob) -> Result<Job, StoreError>;
 

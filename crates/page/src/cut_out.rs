@@ -2,6 +2,7 @@
 
 use image::{Rgba, RgbaImage};
 use sheet::{SheetDocument, ViewDocument};
+use subject::Box2;
 use subject::raster::Bits;
 
 use crate::blobs::LETTERS;
@@ -12,6 +13,48 @@ const MARGIN: f64 = 0.08;
 /// What is not of the view goes with the blur about it, working px.
 const BLUR: f32 = 2.0;
 
+/// What [`cut_out`] and [`cut_box`] cut: the box with a margin, on a page of
+/// this width and height.
+pub fn with_margin(place: &Box2, (width, height): (u32, u32)) -> Box2 {
+    let margin = (MARGIN * f64::from(place.height())).ceil().max(4.0) as u32;
+    Box2 {
+        left: place.left.saturating_sub(margin),
+        top: place.top.saturating_sub(margin),
+        right: place.right.saturating_add(margin).min(width),
+        bottom: place.bottom.saturating_add(margin).min(height),
+    }
+}
+
+/// What is drawn in `place`, a box by hand, with paper about it whatever is
+/// drawn there. It has the size of [`with_margin`].
+///
+/// # Panics
+/// If the box lies outside of the page or the proposal is of another page.
+pub fn cut_box(page: &RgbaImage, proposal: &PageProposal, place: &Box2) -> RgbaImage {
+    assert_eq!(page.dimensions(), (proposal.width, proposal.height), "the page searched");
+    let around = with_margin(place, page.dimensions());
+    let (columns, rows) = (place.left..place.right, place.top..place.bottom);
+    let mut cut = RgbaImage::new(around.width(), around.height());
+    for y in around.top..around.bottom {
+        let paper = proposal.field.row(y as usize);
+        for x in around.left..around.right {
+            let pixel = if rows.contains(&y) && columns.contains(&x) {
+                *page.get_pixel(x, y)
+            } else {
+                bare(proposal, paper.at(x as usize))
+            };
+            cut.put_pixel(x - around.left, y - around.top, pixel);
+        }
+    }
+    cut
+}
+
+/// Paper of this colour where nothing is drawn.
+fn bare(proposal: &PageProposal, colour: [f32; 3]) -> Rgba<u8> {
+    let [r, g, b] = colour.map(|level| level.round() as u8);
+    Rgba([r, g, b, if proposal.is_clear { 0 } else { 255 }])
+}
+
 /// The view `index` of `page` with paper about it. What else is drawn there is
 /// painted over with paper; guides that go through it stay, for the search of
 /// the subject tells them from it.
@@ -20,11 +63,8 @@ const BLUR: f32 = 2.0;
 /// If the proposal has no such view or is of a page of another size.
 pub fn cut_out(page: &RgbaImage, proposal: &PageProposal, index: usize) -> RgbaImage {
     assert_eq!(page.dimensions(), (proposal.width, proposal.height), "the page searched");
-    let place = proposal.figures[index].place;
-    let margin = (MARGIN * f64::from(place.height())).ceil().max(4.0) as u32;
-    let (left, top) = (place.left.saturating_sub(margin), place.top.saturating_sub(margin));
-    let right = (place.right + margin).min(proposal.width);
-    let bottom = (place.bottom + margin).min(proposal.height);
+    let Box2 { left, top, right, bottom } =
+        with_margin(&proposal.figures[index].place, page.dimensions());
     let mut cut = image::imageops::crop_imm(page, left, top, right - left, bottom - top).to_image();
     let factor = proposal.factor as u32;
     let from = [left / factor, top / factor];
@@ -37,9 +77,7 @@ pub fn cut_out(page: &RgbaImage, proposal: &PageProposal, index: usize) -> RgbaI
         let paper = proposal.field.row((top + y) as usize);
         for x in 0..cut.width() {
             if foreign.at(i64::from((left + x) / factor - from[0]), i64::from(v)) {
-                let [r, g, b] = paper.at((left + x) as usize).map(|level| level.round() as u8);
-                let alpha = if proposal.is_clear { 0 } else { 255 };
-                cut.put_pixel(x, y, Rgba([r, g, b, alpha]));
+                cut.put_pixel(x, y, bare(proposal, paper.at((left + x) as usize)));
             }
         }
     }

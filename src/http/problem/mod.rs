@@ -159,6 +159,10 @@ impl From<StoreError> for Problem {
                 STILL_RUNNING,
                 format!("{id} is running; cancel it and wait, then delete it"),
             ),
+            StoreError::Changed { id, version } => Self::new(
+                PRECONDITION_FAILED,
+                format!("{id} was changed meanwhile and is at version {version}; get it again"),
+            ),
             StoreError::LeaseLost { .. } => Self::internal("job store", &error),
             StoreError::Backend(cause) => Self::unavailable("job store", &cause),
         }

@@ -11,6 +11,7 @@ mod matches;
 mod model;
 mod option_parts;
 mod page;
+mod page_forms;
 mod parts;
 mod pictures;
 mod source;
@@ -18,8 +19,10 @@ mod truths;
 
 pub(super) use intake::Budget;
 pub(super) use model::ModelForm;
-pub(super) use parts::Parts;
-pub(super) use pictures::Decoders;
+pub(super) use page::{azimuth_part, search};
+pub(super) use page_forms::{EditForm, PageForm};
+pub(super) use parts::{FilePart, Parts};
+pub(super) use pictures::{Decoders, image_problem};
 
 use std::future::Future;
 
@@ -49,7 +52,10 @@ pub(super) trait Form: Default + Send {
         field: Field<'_>,
         limits: &HttpLimits,
     ) -> impl Future<Output = Result<(), Problem>> + Send;
+}
 
+/// The parts of an upload that becomes a job.
+pub(super) trait JobForm: Form {
     /// Checks the parts against each other and decodes them to their ends.
     fn check(self, api: &Api) -> impl Future<Output = Result<Upload, Problem>> + Send;
 }
@@ -77,19 +83,29 @@ impl Upload {
 }
 
 /// Receives an upload and enqueues its job. Job and inputs are durable on return.
-pub(super) async fn receive<F: Form>(api: &Api, request: Request) -> Result<Job, Problem> {
+pub(super) async fn receive<F: JobForm>(api: &Api, request: Request) -> Result<Job, Problem> {
+    let (upload, _hold) = read_and(api, request, async |form: F| form.check(api).await).await?;
+    // Beyond the timeout: nobody is told that a job failed to come that did.
+    enqueue(api, upload).await
+}
+
+/// Reads a form and works on it, both within the time for an upload. The hold on
+/// the budget is to be kept as long as the bytes.
+pub(super) async fn read_and<F: Form, T>(
+    api: &Api,
+    request: Request,
+    work: impl AsyncFnOnce(F) -> Result<T, Problem>,
+) -> Result<(T, Option<OwnedSemaphorePermit>), Problem> {
     let receiving = async {
         let (form, hold) = read_form::<F>(api, request).await?;
-        Ok((form.check(api).await?, hold))
+        Ok((work(form).await?, hold))
     };
     let received = tokio::time::timeout(api.limits.upload_timeout, receiving).await;
-    let (upload, _hold) = received.unwrap_or_else(|_| {
+    received.unwrap_or_else(|_| {
         let seconds = api.limits.upload_timeout.as_secs();
         let detail = format!("the upload took longer than {seconds} s; send it again");
         Err(Problem::new(REQUEST_TIMEOUT, detail))
-    })?;
-    // Beyond the timeout: nobody is told that a job failed to come that did.
-    enqueue(api, upload).await
+    })
 }
 
 async fn read_form<F: Form>(
@@ -156,14 +172,7 @@ async fn store_inputs(api: &Api, job: JobId, inputs: Inputs) -> Result<(), Probl
     let bytes = &api.state.bytes;
     match inputs {
         Inputs::Uploaded(inputs) => {
-            let writes: Vec<_> = inputs
-                .into_iter()
-                .map(|(name, content)| write_input(bytes.clone(), job, name, content))
-                .collect();
-            let mut writes = stream::iter(writes).buffer_unordered(CONCURRENT_WRITES);
-            while let Some(written) = writes.next().await {
-                written.map_err(|error| Problem::unavailable("byte store", &error))?;
-            }
+            write_inputs(bytes, job, inputs).await?;
         }
         Inputs::Copied(source, names) => {
             for name in &names {
@@ -176,6 +185,23 @@ async fn store_inputs(api: &Api, job: JobId, inputs: Inputs) -> Result<(), Probl
                 )?;
             }
         }
+    }
+    Ok(())
+}
+
+/// Writes the files of a job or page, a few at a time; they are durable on return.
+pub(super) async fn write_inputs(
+    bytes: &ByteStore,
+    job: JobId,
+    inputs: Vec<(String, Bytes)>,
+) -> Result<(), Problem> {
+    let writes: Vec<_> = inputs
+        .into_iter()
+        .map(|(name, content)| write_input(bytes.clone(), job, name, content))
+        .collect();
+    let mut writes = stream::iter(writes).buffer_unordered(CONCURRENT_WRITES);
+    while let Some(written) = writes.next().await {
+        written.map_err(|error| Problem::unavailable("byte store", &error))?;
     }
     Ok(())
 }

@@ -9,7 +9,7 @@ use super::intake::multipart_problem;
 use super::option_parts::GivenOptions;
 use super::page::PageParts;
 use super::pictures::{check_start, image_problem};
-use super::{Form, Inputs, Upload, source, truths};
+use super::{Form, Inputs, JobForm, Upload, source, truths};
 use crate::http::problem::{
     BODY_TOO_LARGE, CONFLICTING_PARTS, DUPLICATE_AZIMUTH, DUPLICATE_PART, EMPTY_FILE,
     INVALID_ANGLE, INVALID_JSON, INVALID_PART_NAME, PART_TOO_LARGE, Problem, TOO_MANY_VIEWS,
@@ -67,6 +67,7 @@ enum Kind {
     Matches,
     Options,
     Page,
+    PageId,
     Azimuths,
     Source,
     Field,
@@ -142,8 +143,12 @@ impl Form for Parts {
             }
             Kind::Options => self.given.read_document(field, &name, limits).await?,
             Kind::Page => {
-                expect_new(self.page.page.is_none(), &name)?;
+                expect_new(self.page.page.is_none() && self.page.id.is_none(), &name)?;
                 self.page.page = Some(read_picture(field, name, limits).await?);
+            }
+            Kind::PageId => {
+                expect_new(self.page.page.is_none() && self.page.id.is_none(), &name)?;
+                self.page.id = Some(read_text(field, &name).await?);
             }
             Kind::Azimuths => {
                 expect_new(self.page.azimuths.is_none(), &name)?;
@@ -157,8 +162,16 @@ impl Form for Parts {
         }
         Ok(())
     }
+}
 
+impl JobForm for Parts {
     async fn check(mut self, api: &Api) -> Result<Upload, Problem> {
+        if let Some(page) = self.page.id.take() {
+            let (id, document) = source::of_page(api, &page, self).await?;
+            let names = source::input_names(&document);
+            let payload = ReconstructionPayload { document, source: None, page: Some(id.0) };
+            return Upload::new(RECONSTRUCTION, &payload, Inputs::Copied(id, names));
+        }
         if let Some(part) = self.page.any() {
             let others = [self.source.as_ref().map(|_| "source".to_owned()), self.any_of_others()];
             self.expect_only(&part, [others[0].as_ref(), others[1].as_ref(), None])?;
@@ -180,7 +193,7 @@ impl Form for Parts {
                 (document, None, Inputs::Uploaded(inputs))
             }
         };
-        Upload::new(RECONSTRUCTION, &ReconstructionPayload { document, source }, inputs)
+        Upload::new(RECONSTRUCTION, &ReconstructionPayload { document, source, page: None }, inputs)
     }
 }
 
@@ -223,7 +236,7 @@ impl Parts {
     }
 
     /// The name of a part that places drawings in another way than a page.
-    fn any_of_others(&self) -> Option<String> {
+    pub(super) fn any_of_others(&self) -> Option<String> {
         let sheet = self.sheet.as_ref().map(|_| "sheet".to_owned());
         let file = self.files.first().map(|file| file.file.clone());
         self.any_of_views_form().or(sheet).or(file)
@@ -298,6 +311,7 @@ fn kind(name: &str, file_name: Option<&str>) -> Result<Kind, Problem> {
         ("matches", _) => Ok(Kind::Matches),
         ("options", _) => Ok(Kind::Options),
         ("page", Some(_)) => Ok(Kind::Page),
+        ("page", None) => Ok(Kind::PageId),
         ("azimuths", None) => Ok(Kind::Azimuths),
         ("source", _) => Ok(Kind::Source),
         ("image" | "mask", Some(file)) if !file.is_empty() => Ok(Kind::Picture(file.to_owned())),
@@ -335,7 +349,7 @@ fn parse_azimuth(text: &str, part: &str) -> Result<Azimuth, Problem> {
     })
 }
 
-async fn read_picture(
+pub(super) async fn read_picture(
     mut field: Field<'_>,
     file: String,
     limits: &HttpLimits,

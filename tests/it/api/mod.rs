@@ -4,6 +4,7 @@ mod artifacts;
 pub(crate) mod harness;
 mod matches;
 mod page_uploads;
+mod pages;
 mod resources;
 mod service;
 mod sheet_problems;

@@ -3,6 +3,7 @@
 //! One connection writes, a few others read, so that a status request never
 //! waits for a write to reach the disk. Several processes may share the file.
 
+mod pages;
 mod rows;
 mod store;
 

@@ -175,7 +175,7 @@ fn text(row: &SqliteRow, column: &'static str) -> sqlx::Result<String> {
     row.try_get(column)
 }
 
-fn json<T: DeserializeOwned>(row: &SqliteRow, column: &'static str) -> sqlx::Result<T> {
+pub(super) fn json<T: DeserializeOwned>(row: &SqliteRow, column: &'static str) -> sqlx::Result<T> {
     serde_json::from_str(row.try_get(column)?).map_err(decode)
 }
 
@@ -193,7 +193,7 @@ fn named<T: DeserializeOwned>(row: &SqliteRow, column: &'static str) -> sqlx::Re
         .map_err(|_| decode(Unreadable { column, value }))
 }
 
-fn time(row: &SqliteRow, column: &'static str) -> sqlx::Result<Timestamp> {
+pub(super) fn time(row: &SqliteRow, column: &'static str) -> sqlx::Result<Timestamp> {
     Timestamp::from_millisecond(row.try_get(column)?).map_err(decode)
 }
 
