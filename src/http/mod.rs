@@ -26,6 +26,7 @@ mod state;
 mod telemetry;
 mod upload;
 mod wait;
+mod web;
 
 pub use limits::{HttpLimits, ServerTimeouts};
 pub use openapi::openapi;

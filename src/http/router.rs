@@ -6,6 +6,7 @@ use std::time::Duration;
 use axum::Router;
 use axum::extract::DefaultBodyLimit;
 use axum::http::{Method, StatusCode, Uri};
+use axum::routing::get;
 use tower_http::compression::CompressionLayer;
 use tower_http::timeout::TimeoutLayer;
 use utoipa::OpenApi;
@@ -17,7 +18,7 @@ use super::layers;
 use super::openapi::Description;
 use super::problem::{METHOD_NOT_ALLOWED, NOT_FOUND, Problem};
 use super::state::{Api, ApiState};
-use super::{HttpLimits, drawn_pages, health, pages, reconstructions, sheets};
+use super::{HttpLimits, drawn_pages, health, pages, reconstructions, sheets, web};
 
 /// The whole interface over `state`.
 pub fn router(state: ApiState, limits: &HttpLimits) -> Router {
@@ -33,6 +34,7 @@ pub fn router(state: ApiState, limits: &HttpLimits) -> Router {
         .merge(patient)
         .merge(upload_routes())
         .merge(stream_routes())
+        .merge(page_routes())
         .layer(CompressionLayer::new())
         .merge(whole)
         .split_for_parts();
@@ -102,6 +104,14 @@ fn content_routes() -> OpenApiRouter<Arc<Api>> {
         .routes(paths!(sheets::artifact))
         .routes(paths!(drawn_pages::get))
         .routes(paths!(drawn_pages::file))
+}
+
+/// The web page, which is no part of the described interface.
+fn page_routes() -> OpenApiRouter<Arc<Api>> {
+    OpenApiRouter::new()
+        .route("/", get(web::index))
+        .route("/icon.svg", get(web::icon))
+        .route("/assets/{name}", get(web::asset))
 }
 
 async fn nothing_here(uri: Uri) -> Problem {
