@@ -21,4 +21,6 @@ export default ts.config(
       "svelte/no-navigation-without-resolve": "off",
     },
   },
+  // Measurements are printed.
+  { files: ["tests/**"], rules: { "no-console": "off" } },
 );

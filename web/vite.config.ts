@@ -15,5 +15,5 @@ export default defineConfig({
   server: {
     proxy: { "/v1": "http://127.0.0.1:8080", "/problems": "http://127.0.0.1:8080" },
   },
-  test: { include: ["tests/unit/**/*.test.ts"], environment: "node" },
+  test: { setupFiles: ["tests/unit/setup.ts"], include: ["tests/unit/**/*.test.ts"], environment: "node" },
 });

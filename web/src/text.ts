@@ -79,7 +79,7 @@ export const text = {
     handle: "Corner of figure {number}: {corner}",
     corners: { nw: "top left", ne: "top right", sw: "bottom left", se: "bottom right" },
     sure: "{percent} sure",
-    byHand: "set by hand",
+    certain: "certain",
     kept: "Use this view",
     left: "Left out",
     mirrored: "The drawing is mirrored",

@@ -260,10 +260,10 @@ impl Searched {
             let (left, top) = (f64::from(figure.crop.left), f64::from(figure.crop.top));
             let corners = page::outline_of(&subject.mask);
             figure.outline = corners.iter().map(|p| [p.x + left, p.y + top]).collect();
-            let rows = subject.mask.enumerate_rows();
-            let lowest = rows.filter(|(_, row)| row.clone().any(|(_, _, p)| p.0[0] != 0)).last();
-            if let Some((row, _)) = lowest {
-                figure.baseline_row = figure.crop.top + row + 1;
+            // The outline is of the largest part: a speck below it is no foot.
+            let lowest = figure.outline.iter().map(|[_, y]| *y).reduce(f64::max);
+            if let Some(lowest) = lowest {
+                figure.baseline_row = lowest.ceil() as u32;
             }
             subject.mask
         });

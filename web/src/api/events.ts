@@ -2,44 +2,8 @@
 // no key; where they do not come through, the job is asked for again and again.
 
 import { ApiError, ask, askJson } from "./client";
+import { EventReader } from "./sse";
 import type { AnyJob } from "./types";
-
-/** One server-sent event. */
-export interface SentEvent {
-  id: string;
-  event: string;
-  data: string;
-}
-
-/** Reads events from text as it comes, in pieces of any size. */
-export class EventReader {
-  #rest = "";
-
-  push(text: string): SentEvent[] {
-    this.#rest += text;
-    const events: SentEvent[] = [];
-    for (;;) {
-      const end = /\r?\n\r?\n/.exec(this.#rest);
-      if (!end) return events;
-      const block = this.#rest.slice(0, end.index);
-      this.#rest = this.#rest.slice(end.index + end[0].length);
-      const event: SentEvent = { id: "", event: "message", data: "" };
-      const data: string[] = [];
-      for (const line of block.split(/\r?\n/)) {
-        const colon = line.indexOf(":");
-        if (colon === 0) continue;
-        const name = colon < 0 ? line : line.slice(0, colon);
-        const value = colon < 0 ? "" : line.slice(colon + 1).replace(/^ /, "");
-        if (name === "data") data.push(value);
-        else if (name === "id") event.id = value;
-        else if (name === "event") event.event = value;
-      }
-      if (data.length === 0) continue;
-      event.data = data.join("\n");
-      events.push(event);
-    }
-  }
-}
 
 const FINAL = new Set(["succeeded", "failed", "cancelled"]);
 
@@ -76,44 +40,52 @@ export async function follow<J extends AnyJob>(
     seen(job);
     return job;
   };
+  /** Reads on until the stream ends or breaks. */
+  const stream = async () => {
+    const headers: Record<string, string> = { Accept: "text/event-stream" };
+    if (last) headers["Last-Event-ID"] = last;
+    const response = await ask(`${path}/events`, { headers, signal });
+    // 204: the final event was received already.
+    const body = response.status === 204 ? null : response.body;
+    if (!body) return;
+    how("stream");
+    const reader = body.pipeThrough(new TextDecoderStream()).getReader();
+    const events = new EventReader();
+    for (;;) {
+      const { value, done } = await reader.read();
+      if (done) return;
+      const sent = events.push(value);
+      if (sent.length === 0) continue;
+      last = sent.findLast((event) => event.id)?.id ?? last;
+      // The last event of all: what follows is the end, not a break.
+      if (isOver(await refresh())) return;
+    }
+  };
   while (!signal.aborted) {
     try {
       if (isOver(await refresh())) break;
-      if (broken >= 2) {
-        // Something in between holds streams back: asking does it too.
-        how("poll");
-        await pause(1000, signal);
-        continue;
-      }
-      const before = last;
-      const headers: Record<string, string> = { Accept: "text/event-stream" };
-      if (last) headers["Last-Event-ID"] = last;
-      const response = await ask(`${path}/events`, { headers, signal });
-      const body = response.status === 204 ? null : response.body;
-      if (body) {
-        how("stream");
-        const reader = body.pipeThrough(new TextDecoderStream()).getReader();
-        const events = new EventReader();
-        for (;;) {
-          const { value, done } = await reader.read();
-          if (done) break;
-          const sent = events.push(value);
-          if (sent.length === 0) continue;
-          last = sent.findLast((event) => event.id)?.id ?? last;
-          if (isOver(await refresh())) {
-            how("over");
-            return;
-          }
-        }
-      }
-      broken = last === before ? broken + 1 : 0;
     } catch (error) {
       if (signal.aborted) return;
-      if (error instanceof ApiError && !error.offline && error.problem.status < 500) throw error;
-      if (error instanceof ApiError && error.offline) how("offline");
-      broken += error instanceof ApiError && error.offline ? 0 : 1;
+      if (!(error instanceof ApiError)) throw error;
+      if (!error.offline && error.problem.status < 500) throw error;
+      how("offline");
       await pause(1500, signal);
+      continue;
     }
+    if (broken >= 2) {
+      // Something in between holds streams back: asking does it too.
+      how("poll");
+      await pause(1000, signal);
+      continue;
+    }
+    const before = last;
+    try {
+      await stream();
+    } catch {
+      if (signal.aborted) return;
+      await pause(500, signal);
+    }
+    broken = last === before ? broken + 1 : 0;
   }
   if (!signal.aborted) how("over");
 }

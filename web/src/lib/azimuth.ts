@@ -8,7 +8,7 @@ export function turned(degrees: number): number {
 
 /** As the service writes it in names: `45`, `22.5`. */
 export function azimuthName(degrees: number): string {
-  return String(Number(turned(degrees).toFixed(4)));
+  return String(Number(turned(degrees).toFixed(6)));
 }
 
 export const NAMED = [0, 45, 90, 135, 180, 225, 270, 315] as const;

@@ -50,7 +50,9 @@ export function verdict(fits: ViewFit[]): { grade: Grade; words: string } | null
 }
 
 export function percent(share: number): string {
-  return `${(share * 100).toFixed(share > 0.995 && share < 1 ? 1 : 0)} %`;
+  // Only what is whole is called so.
+  const rounded = share < 1 ? Math.min(99, Math.round(share * 100)) : 100;
+  return `${rounded} %`;
 }
 
 export function bytes(count: number): string {

@@ -31,6 +31,7 @@ import {
 } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import { GLTFLoader } from "three/examples/jsm/loaders/GLTFLoader.js";
+import { planeName } from "./names";
 
 export type Surface = "clay" | "confidence" | "drawings";
 
@@ -66,12 +67,6 @@ const meshesOf = (root: Object3D): Mesh[] => {
   });
   return found;
 };
-
-/** `ref_045` and `ref_022.5` of an azimuth. */
-export function planeName(azimuth: number): string {
-  const [whole = "0", rest] = String(Number(azimuth.toFixed(4))).split(".");
-  return `ref_${whole.padStart(3, "0")}${rest ? `.${rest}` : ""}`;
-}
 
 async function parse(bytes: ArrayBuffer): Promise<Group> {
   return (await new GLTFLoader().parseAsync(bytes, "")).scene;
