@@ -16,7 +16,7 @@ import {
   type Material,
   Mesh,
   MeshBasicMaterial,
-  MeshStandardMaterial,
+  MeshLambertMaterial,
   type Object3D,
   OrthographicCamera,
   PerspectiveCamera,
@@ -68,6 +68,15 @@ const meshesOf = (root: Object3D): Mesh[] => {
   return found;
 };
 
+/** Whether 3D is drawn by the processor: smooth edges cost too much there. */
+function isSoftware(): boolean {
+  const probe = document.createElement("canvas").getContext("webgl");
+  const info = probe?.getExtension("WEBGL_debug_renderer_info");
+  const name = info ? String(probe?.getParameter(info.UNMASKED_RENDERER_WEBGL)) : "";
+  probe?.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|software/i.test(name);
+}
+
 async function parse(bytes: ArrayBuffer): Promise<Group> {
   return (await new GLTFLoader().parseAsync(bytes, "")).scene;
 }
@@ -96,6 +105,10 @@ export class Stage {
   #last = 0;
   #observer: ResizeObserver;
   #down = new Vector2();
+  /** Share of the full resolution: less while frames are slow to draw. */
+  #sharpness = 1;
+  #slow = 0;
+  #rest = 0;
 
   constructor(
     readonly canvas: HTMLCanvasElement,
@@ -104,8 +117,7 @@ export class Stage {
     private readonly onFree: () => void,
   ) {
     this.#colours = colours;
-    this.#renderer = new WebGLRenderer({ canvas, antialias: true });
-    this.#renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+    this.#renderer = new WebGLRenderer({ canvas, antialias: !isSoftware() });
     this.#controls = this.#controlsOf(this.#perspective);
     this.#scene.add(new HemisphereLight(0xffffff, 0x8d97ab, 1.5), new AmbientLight(0xffffff, 0.35));
     const key = new DirectionalLight(0xffffff, 1.7);
@@ -293,6 +305,7 @@ export class Stage {
 
   dispose(): void {
     cancelAnimationFrame(this.#frame);
+    clearTimeout(this.#rest);
     this.#observer.disconnect();
     this.#controls.dispose();
     this.canvas.removeEventListener("pointerdown", this.#pointerDown);
@@ -344,6 +357,7 @@ export class Stage {
     const host = this.canvas.parentElement ?? this.canvas;
     const width = Math.max(1, host.clientWidth);
     const height = Math.max(1, host.clientHeight);
+    this.#renderer.setPixelRatio(Math.min(devicePixelRatio, 2) * this.#sharpness);
     this.#renderer.setSize(width, height, false);
     const aspect = width / height;
     this.#perspective.aspect = aspect;
@@ -379,11 +393,9 @@ export class Stage {
         const colours = this.#surface === "confidence" ? mesh.userData["confidence"] : null;
         if (colours) mesh.geometry.setAttribute("color", colours as never);
         (mesh.material as Material).dispose();
-        mesh.material = new MeshStandardMaterial({
+        mesh.material = new MeshLambertMaterial({
           color: this.#surface === "confidence" ? 0xffffff : 0xcfd3dc,
           vertexColors: Boolean(colours),
-          roughness: 0.85,
-          metalness: 0,
           side: FrontSide,
           wireframe: this.#wireframe,
           flatShading: false,
@@ -401,8 +413,27 @@ export class Stage {
     this.invalidate();
   }
 
+  /** Fewer pixels while it moves on a slow machine, all of them at rest. */
+  #pace(now: number): void {
+    const passed = now - this.#last;
+    if (passed < 250) this.#slow = passed > 45 ? this.#slow + 1 : Math.max(0, this.#slow - 1);
+    if (this.#slow >= 4 && this.#sharpness > 0.5) {
+      this.#sharpness -= 0.25;
+      this.#slow = 0;
+      this.#resize();
+    }
+    clearTimeout(this.#rest);
+    if (this.#sharpness < 1) {
+      this.#rest = window.setTimeout(() => {
+        this.#sharpness = 1;
+        this.#resize();
+      }, 300);
+    }
+  }
+
   #draw = (now: number): void => {
     this.#frame = 0;
+    this.#pace(now);
     if (this.#turning) {
       const passed = Math.min(100, now - (this.#last || now));
       const offset = this.#camera.position.clone().sub(this.#controls.target);

@@ -84,14 +84,18 @@ export async function accessible(page: Page, state: string) {
 /** The pixels of an element as they are on the screen. */
 export async function pixels(page: Page, selector: string): Promise<Uint8Array> {
   const picture = await page.locator(selector).first().screenshot();
-  const values = await page.evaluate(async (bytes) => {
-    const bitmap = await createImageBitmap(new Blob([new Uint8Array(bytes)]));
+  const values = await page.evaluate(async (base64) => {
+    const bytes = Uint8Array.from(atob(base64), (letter) => letter.charCodeAt(0));
+    const bitmap = await createImageBitmap(new Blob([bytes]));
     const canvas = new OffscreenCanvas(bitmap.width, bitmap.height);
     const context = canvas.getContext("2d") as OffscreenCanvasRenderingContext2D;
     context.drawImage(bitmap, 0, 0);
-    return [...context.getImageData(0, 0, bitmap.width, bitmap.height).data];
-  }, [...picture]);
-  return Uint8Array.from(values);
+    const { data } = context.getImageData(0, 0, bitmap.width, bitmap.height);
+    let text = "";
+    for (let k = 0; k < data.length; k += 8192) text += String.fromCharCode(...data.subarray(k, k + 8192));
+    return btoa(text);
+  }, picture.toString("base64"));
+  return new Uint8Array(Buffer.from(values, "base64"));
 }
 
 /** Share of pixels that differ by more than a few levels. */
