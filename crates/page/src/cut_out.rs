@@ -12,6 +12,10 @@ use crate::proposal::{FIRST, NOBODY, PageProposal};
 const MARGIN: f64 = 0.08;
 /// What is not of the view goes with the blur about it, working px.
 const BLUR: f32 = 2.0;
+/// A speck beside a view is at most so high and wide, share of the view's height.
+const SPECK: f64 = 0.04;
+/// What differs from the paper by more is drawn, levels.
+const DRAWN: f32 = 40.0;
 
 /// What [`cut_out`] and [`cut_box`] cut: the box with a margin, on a page of
 /// this width and height.
@@ -81,7 +85,51 @@ pub fn cut_out(page: &RgbaImage, proposal: &PageProposal, index: usize) -> RgbaI
             }
         }
     }
+    let place = &proposal.figures[index].place;
+    for (x, y) in specks(&cut, proposal, place, [left, top]) {
+        let paper = proposal.field.row((top + y) as usize);
+        cut.put_pixel(x, y, bare(proposal, paper.at((left + x) as usize)));
+    }
     cut
+}
+
+/// Pixels of specks in the margin, with the blur about them: too small to have
+/// been taken for anything, such as the degree sign of a caption, and no part of
+/// a line that goes on.
+fn specks(
+    cut: &RgbaImage,
+    proposal: &PageProposal,
+    place: &Box2,
+    [left, top]: [u32; 2],
+) -> Vec<(u32, u32)> {
+    let (w, h) = (cut.width() as usize, cut.height() as usize);
+    let mut drawn = Bits::filled(w, h, false);
+    for (y, row) in drawn.data.chunks_exact_mut(w).enumerate() {
+        let paper = proposal.field.row(top as usize + y);
+        for (x, drawn) in row.iter_mut().enumerate() {
+            let pixel = cut.get_pixel(x as u32, y as u32).0;
+            let bare = paper.at(left as usize + x);
+            let apart = (0..3).any(|c| (f32::from(pixel[c]) - bare[c]).abs() > DRAWN);
+            *drawn = pixel[3] > 32 && (proposal.is_clear || apart);
+        }
+    }
+    let most = (SPECK * f64::from(place.height())).max(3.0) as u32;
+    let parts = drawn.components(true);
+    let small = parts.select(w, |k| {
+        let Box2 { left: l, top: t, right: r, bottom: b } = parts.parts[k].bounds;
+        let outside = l + left >= place.right
+            || r + left <= place.left
+            || t + top >= place.bottom
+            || b + top <= place.top;
+        let ends = l == 0 || t == 0 || r as usize == w || b as usize == h;
+        outside && !ends && (r - l).max(b - t) <= most
+    });
+    if !small.data.contains(&true) {
+        return Vec::new();
+    }
+    let around = small.dilated(BLUR).and_not(&drawn.and_not(&small));
+    let set = around.data.iter().enumerate().filter(|(_, is)| **is);
+    set.map(|(k, _)| ((k % w) as u32, (k / w) as u32)).collect()
 }
 
 /// Working pixels that others own, with the blur about them, but for those
