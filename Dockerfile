@@ -3,12 +3,21 @@
 #        docker run --rm -p 8080:8080 -v turnaround-data:/data -v ./first.key:/run/first.key:ro \
 #            -e TURNAROUND_FIRST_KEY_FILE=/run/first.key turnaround
 
+FROM node:18-bookworm-slim AS page
+WORKDIR /build/web
+COPY web/package.json web/package-lock.json ./
+RUN npm ci --no-audit --no-fund
+COPY api /build/api
+COPY web ./
+RUN npm run --silent build
+
 FROM rust:1.95-bookworm AS build
 RUN apt-get update \
     && apt-get install -y --no-install-recommends clang libclang-dev libopencv-dev pkg-config \
     && rm -rf /var/lib/apt/lists/*
 WORKDIR /build
 COPY . .
+COPY --from=page /build/web/dist web/dist
 RUN cargo build --release --locked && strip target/release/turnaround
 
 FROM debian:bookworm-slim

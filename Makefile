@@ -1,18 +1,28 @@
 # The two commands of the README, and what builders use besides.
 
-.PHONY: run test check lint docs openapi
+.PHONY: run test check lint docs openapi web
 
 # Install, build, start the service, send it a sample sheet, fetch the results.
 run:
 	@scripts/install-prerequisites
+	@$(MAKE) --no-print-directory web
 	cargo build --release --locked
 	@scripts/run-sample
 
 # Install what the tests need and run all of them.
 test:
-	@scripts/install-prerequisites
+	@scripts/install-prerequisites test
+	@$(MAKE) --no-print-directory web
 	cargo test --workspace --locked --lib --bins --tests
 	cargo test --workspace --locked --doc
+	cd web && npm run --silent check && npm test && npm run --silent e2e
+
+# Build the web page, which the service holds inside of itself.
+web: web/node_modules/.package-lock.json
+	cd web && npm run --silent build
+
+web/node_modules/.package-lock.json: web/package-lock.json
+	cd web && npm ci --no-audit --no-fund
 
 check: lint docs test
 

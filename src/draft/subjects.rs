@@ -189,7 +189,11 @@ fn find_in(
     observer: &dyn Observer,
 ) -> Result<Subject, DraftError> {
     let document = view.document;
-    let points = |given: &[[f64; 2]]| given.iter().map(|&[x, y]| Point { x, y }).collect();
+    // A mirrored drawing was turned back; its points are of the drawing as sent.
+    let width = f64::from(view.drawing.width());
+    let turned = |x: f64| if document.mirrored { width - x } else { x };
+    let points =
+        |given: &[[f64; 2]]| given.iter().map(|&[x, y]| Point { x: turned(x), y }).collect();
     let hints = Hints {
         mask: view.mask.clone(),
         polygon: (!document.polygon.is_empty()).then(|| points(&document.polygon)),
@@ -371,4 +375,33 @@ fn color_of(drawing: &RgbaImage) -> Option<RgbImage> {
         let [r, g, b, a] = drawing.get_pixel(x, y).0.map(u16::from);
         Rgb([r, g, b].map(|level| ((level * a + 255 * (255 - a) + 127) / 255) as u8))
     }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::Rgba;
+    use progress::Silent;
+
+    #[test]
+    fn points_of_a_mirrored_drawing_are_of_the_drawing_as_sent() {
+        let mut drawing = RgbaImage::from_pixel(120, 100, Rgba([255; 4]));
+        for (x, y) in (20..50).flat_map(|x| (20..80).map(move |y| (x, y))) {
+            drawing.put_pixel(x, y, Rgba([40, 40, 40, 255]));
+        }
+        imageops::flip_horizontal_in_place(&mut drawing);
+        let document = ViewDocument {
+            polygon: vec![[20.0, 20.0], [50.0, 20.0], [50.0, 80.0], [20.0, 80.0]],
+            mirrored: true,
+            ..ViewDocument::default()
+        };
+        let azimuth = Azimuth::from_degrees(0.0).unwrap();
+        let view =
+            DecodedView { document: &document, azimuth, elevation_deg: 0.0, drawing, mask: None };
+        let mask = find_in(&view, &Options::default(), &Silent).unwrap().mask;
+        let columns = |columns: std::ops::Range<u32>| {
+            columns.filter(|x| mask.get_pixel(*x, 50).0[0] != 0).count()
+        };
+        assert_eq!((columns(0..68), columns(72..98)), (0, 26));
+    }
 }

@@ -8,6 +8,7 @@ mod access;
 mod artifacts;
 mod bare;
 mod conditional;
+mod drawn_pages;
 mod events;
 mod guard;
 mod health;
@@ -30,6 +31,7 @@ mod tags;
 mod telemetry;
 mod upload;
 mod wait;
+mod web;
 
 pub use access::{Access, KeyPolicy};
 pub use guard::Guard;

@@ -26,6 +26,7 @@ use sheet::SheetDocument;
     components(schemas(ProblemDocument)),
     tags(
         (name = "reconstructions", description = "Sheets on their way to a draft"),
+        (name = "pages", description = "Pictures with several views: what is found on them, and put right"),
         (name = "artifacts", description = "What came out"),
         (name = "sheets", description = "Sheets drawn from 3D models, with their truth"),
         (name = "admin", description = "Tenants and keys, for keys of the scope admin"),
@@ -77,6 +78,11 @@ pub(super) fn options_reference() -> Ref {
     Ref::from_schema_name("Options")
 }
 
+/// For fields that hold a sheet document.
+pub(super) fn sheet_reference() -> Ref {
+    Ref::from_schema_name("SheetDocument")
+}
+
 /// For fields that hold the options of a drawn sheet.
 pub(super) fn sheet_options_reference() -> Ref {
     Ref::from_schema_name("SheetOptions")
@@ -110,6 +116,8 @@ fn foreign_schemas() -> Map<String, Value> {
         ("SheetDocument", sheet),
         ("Upload", upload_schema()),
         ("ModelUpload", model_upload_schema()),
+        ("PageUpload", page_upload_schema()),
+        ("PageEditUpload", page_edit_schema()),
     ];
     let component = |(name, schema): (&str, Value)| {
         let mut schema = options::with_enums(&schema);
@@ -125,7 +133,7 @@ fn upload_schema() -> Value {
     let picture = json!({"type": "string", "format": "binary"});
     json!({
         "type": "object",
-        "description": "One of four forms: parts `view[AZIMUTH]`; a part `page` with all views on it; a part `sheet` with the files it names, as parts `image` found by their file names or as parts named like the files; a part `source`. Options come as a part `options`, and singly by their dotted names, such as `disparity.block_size`; later ones in this list lie over earlier ones: the source's, the sheet's, the part's, single ones.",
+        "description": "One of five forms: parts `view[AZIMUTH]`; a part `page` with all views on it; a part `page` with the id of one; a part `sheet` with the files it names, as parts `image` found by their file names or as parts named like the files; a part `source`. Options come as a part `options`, and singly by their dotted names, such as `disparity.block_size`; later ones in this list lie over earlier ones: the source's, the sheet's, the part's, single ones.",
         "properties": {
             "sheet": {"$ref": "#/components/schemas/SheetDocument"},
             "image": {"type": "array", "items": picture,
@@ -134,8 +142,8 @@ fn upload_schema() -> Value {
             "truth": truth_schema(),
             "truth_model": {"type": "string", "format": "binary",
                 "description": "The true model (OBJ, PLY, STL, GLB, glTF), its origin on the turntable axis at the pictures' middle row; `truth` then gives `pixels_per_unit`. In the sheet form the document names it."},
-            "page": {"type": "string", "format": "binary",
-                "description": "A picture with several views on it, or an animated GIF of a turn: its figures are found and cut out."},
+            "page": {"anyOf": [{"type": "string", "format": "binary"}, {"type": "string", "format": "uuid"}],
+                "description": "A picture with several views on it, or an animated GIF of a turn: its figures are found and cut out. Or, without a file name, the id of a page: its kept figures become the views as they are seen there."},
             "azimuths": {"type": "string", "default": "auto", "examples": ["0,45,90,180"],
                 "description": "The azimuths of the page's figures in reading order, degrees; `auto` guesses them."},
             "source": {"type": "string", "format": "uuid",
@@ -200,6 +208,36 @@ fn model_upload_schema() -> Value {
     })
 }
 
+fn page_upload_schema() -> Value {
+    json!({
+        "type": "object",
+        "required": ["page"],
+        "properties": {
+            "page": {"type": "array", "items": {"type": "string", "format": "binary"},
+                "description": "A picture with several views on it, an animated GIF of a turn, or several pictures of one view each, in even steps of a turn."},
+            "azimuths": {"type": "string", "default": "auto", "examples": ["0,45,90,180"],
+                "description": "The azimuths of the figures in reading order, degrees; `auto` guesses them."},
+        },
+        "additionalProperties": false,
+    })
+}
+
+fn page_edit_schema() -> Value {
+    json!({
+        "type": "object",
+        "required": ["document"],
+        "properties": {
+            "document": {"$ref": "#/components/schemas/PageEdit"},
+            "mask[0]": {"type": "string", "format": "binary"},
+        },
+        "patternProperties": {
+            "^mask\\[[0-9]+\\]$": {"type": "string", "format": "binary",
+                "description": "The mask of the figure of this number, white inside, of the size of its crop."},
+        },
+        "additionalProperties": false,
+    })
+}
+
 fn describe_uploads(document: &mut Value) {
     let body = &mut document["paths"]["/v1/reconstructions"]["post"]["requestBody"];
     body["required"] = true.into();
@@ -209,6 +247,13 @@ fn describe_uploads(document: &mut Value) {
         "matches": {"contentType": "application/json"},
         "truth": {"contentType": "application/json"},
         "image": {"contentType": "image/png, image/jpeg, image/webp, image/tiff"},
+    });
+    document["paths"]["/v1/pages"]["post"]["requestBody"]["required"] = true.into();
+    let body = &mut document["paths"]["/v1/pages/{id}"]["put"]["requestBody"];
+    body["required"] = true.into();
+    body["content"]["multipart/form-data"] = json!({
+        "schema": {"$ref": "#/components/schemas/PageEditUpload"},
+        "encoding": {"document": {"contentType": "application/json"}},
     });
     let body = &mut document["paths"]["/v1/sheets"]["post"]["requestBody"];
     body["required"] = true.into();

@@ -27,6 +27,9 @@ pub struct Reconstruction {
     /// The earlier reconstruction whose views it takes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub source: Option<Uuid>,
+    /// The page whose figures its views are.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub page: Option<Uuid>,
     /// How the sheet becomes a 3D draft; also in `options`.
     #[schema(example = "turntable")]
     pub method: Option<String>,
@@ -189,12 +192,14 @@ impl From<&Job> for Reconstruction {
         // A payload that an older version stored may not read; its job is
         // still listed.
         let payload = ReconstructionPayload::deserialize(&job.payload).ok();
-        let (document, source) = payload.map(|p| (p.document, p.source)).unwrap_or_default();
+        let (document, source, page) =
+            payload.map(|p| (p.document, p.source, p.page)).unwrap_or_default();
         let options = document.options.clone().unwrap_or_default();
         Self {
             id: job.id.0,
             name: job.tags.name.clone().or(document.name.clone()),
             source,
+            page,
             method: options["method"].as_str().map(str::to_owned),
             options,
             views: summaries(&document),

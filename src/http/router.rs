@@ -7,6 +7,7 @@ use axum::Router;
 use axum::extract::DefaultBodyLimit;
 use axum::http::{Method, StatusCode, Uri};
 use axum::middleware::from_fn_with_state;
+use axum::routing::get;
 use tower_http::compression::CompressionLayer;
 use tower_http::timeout::TimeoutLayer;
 use utoipa::OpenApi;
@@ -18,7 +19,7 @@ use super::layers;
 use super::openapi::Description;
 use super::problem::{METHOD_NOT_ALLOWED, NOT_FOUND, Problem};
 use super::state::{Api, ApiState};
-use super::{HttpLimits, access, guard, health, pages, reconstructions, sheets};
+use super::{HttpLimits, access, drawn_pages, guard, health, pages, reconstructions, sheets, web};
 
 /// The whole interface over `state`.
 pub fn router(state: ApiState, limits: &HttpLimits) -> Router {
@@ -37,6 +38,7 @@ pub fn router(state: ApiState, limits: &HttpLimits) -> Router {
         .merge(patient)
         .merge(upload_routes())
         .merge(stream_routes())
+        .merge(page_routes())
         .layer(CompressionLayer::new())
         .merge(whole)
         .split_for_parts();
@@ -71,6 +73,7 @@ fn quick_routes() -> OpenApiRouter<Arc<Api>> {
         .routes(paths!(sheets::list))
         .routes(paths!(sheets::delete))
         .routes(paths!(sheets::patch))
+        .routes(paths!(drawn_pages::delete))
         .routes(paths!(sheets::cancel))
         .routes(paths!(sheets::artifacts))
         .routes(paths!(pages::options))
@@ -97,7 +100,11 @@ fn patient_routes() -> OpenApiRouter<Arc<Api>> {
 
 /// Limits its time by itself, as uploads may take long.
 fn upload_routes() -> OpenApiRouter<Arc<Api>> {
-    OpenApiRouter::new().routes(paths!(reconstructions::create)).routes(paths!(sheets::create))
+    OpenApiRouter::new()
+        .routes(paths!(reconstructions::create))
+        .routes(paths!(sheets::create))
+        .routes(paths!(drawn_pages::create))
+        .routes(paths!(drawn_pages::replace))
 }
 
 fn stream_routes() -> OpenApiRouter<Arc<Api>> {
@@ -110,6 +117,16 @@ fn content_routes() -> OpenApiRouter<Arc<Api>> {
         .routes(paths!(reconstructions::artifact))
         .routes(paths!(reconstructions::metrics))
         .routes(paths!(sheets::artifact))
+        .routes(paths!(drawn_pages::get))
+        .routes(paths!(drawn_pages::file))
+}
+
+/// The web page, which is no part of the described interface.
+fn page_routes() -> OpenApiRouter<Arc<Api>> {
+    OpenApiRouter::new()
+        .route("/", get(web::index))
+        .route("/icon.svg", get(web::icon))
+        .route("/assets/{name}", get(web::asset))
 }
 
 async fn nothing_here(uri: Uri) -> Problem {

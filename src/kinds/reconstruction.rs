@@ -27,6 +27,9 @@ pub struct ReconstructionPayload {
     /// The earlier job whose inputs were taken over.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub source: Option<Uuid>,
+    /// The page whose figures its views are.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub page: Option<Uuid>,
 }
 
 /// What a draft came to.

@@ -78,7 +78,7 @@ async fn expire(store: &dyn JobStore, bytes: &ByteStore) -> Result<(), CollectEr
 }
 
 /// Deletes the bytes of attempts that are over without being published, of jobs
-/// that were deleted, and of uploads that came to nothing.
+/// and pages that were deleted, and of uploads that came to nothing.
 ///
 /// Only what the store once knew is deleted: it is told of jobs before their
 /// bytes are stored, and remembers those that were deleted. Whatever else there
@@ -104,6 +104,9 @@ pub async fn collect(
             // Of the readiness probe, which writes it again and again.
             Err(StoreError::NotFound(_)) if id.0.is_nil() => {}
             Err(StoreError::NotFound(_)) => {
+                if is_page(store, id).await? {
+                    continue;
+                }
                 let is_ours = store.is_ownerless(id, config.collect_after).await?;
                 if is_ours || is_abandoned(bytes, id, config.collect_unknown_after).await? {
                     bytes.delete_job(id).await?;
@@ -119,6 +122,14 @@ pub async fn collect(
         }
     }
     Ok(collected)
+}
+
+async fn is_page(store: &dyn JobStore, id: JobId) -> Result<bool, StoreError> {
+    match store.page(id).await {
+        Ok(_) => Ok(true),
+        Err(StoreError::NotFound(_)) => Ok(false),
+        Err(error) => Err(error),
+    }
 }
 
 /// Whether the bytes of `attempt` will never be published. A later attempt than

@@ -9,6 +9,7 @@
 mod access;
 pub mod bytes;
 mod clock;
+mod pages;
 mod record;
 mod sqlite;
 mod store;
@@ -19,6 +20,7 @@ pub use access::{
     TenantLimits, TenantName,
 };
 pub use clock::{Clock, ManualClock, SystemClock, Uptime};
+pub use pages::{PageStore, StoredPage};
 pub use sqlite::SqliteStore;
 pub use store::{JobStore, StoreError};
 pub use types::{

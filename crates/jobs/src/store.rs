@@ -6,6 +6,7 @@ use async_trait::async_trait;
 use serde_json::Value;
 use tokio::sync::broadcast;
 
+use super::pages::PageStore;
 use super::{
     ArtifactEntry, Claim, Event, Failure, Heartbeat, Idempotency, Job, JobChange, JobCounts, JobId,
     JobState, ListQuery, NewJob, Page, Tags, TenantName,
@@ -14,8 +15,8 @@ use super::{
 /// Why a store could not do what was asked.
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
-    /// No job has this name.
-    #[error("no job {0}")]
+    /// No job or page has this name.
+    #[error("nothing is named {0}")]
     NotFound(JobId),
     /// The job is finished, so it can't be cancelled.
     #[error("job {id} is finished already")]
@@ -52,6 +53,14 @@ pub enum StoreError {
     /// There is no such key.
     #[error("there is no key {0}")]
     NoKey(String),
+    /// The page was changed meanwhile.
+    #[error("page {id} is at version {version} by now")]
+    Changed {
+        /// Name of the page.
+        id: JobId,
+        /// The version that it is at.
+        version: u64,
+    },
     /// The (job, attempt) no longer holds the lease.
     #[error("attempt {attempt} of job {id} lost its lease")]
     LeaseLost {
@@ -71,12 +80,12 @@ pub enum StoreError {
     Backend(#[source] Box<dyn std::error::Error + Send + Sync>),
 }
 
-/// A durable queue of jobs. Every method is one transaction; when it returns,
+/// A durable queue of jobs, and the pages that they may take as sources. Every method is one transaction; when it returns,
 /// its effect survives a crash of process and machine.
 ///
 /// `tests/it/suite.rs` is the suite that every implementation passes.
 #[async_trait]
-pub trait JobStore: Send + Sync {
+pub trait JobStore: PageStore {
     /// Adds a job in state queued. If its idempotency key came with the same
     /// upload in the last day, the job that this became is returned instead, and
     /// nothing is added.

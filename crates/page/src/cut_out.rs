@@ -2,6 +2,7 @@
 
 use image::{Rgba, RgbaImage};
 use sheet::{SheetDocument, ViewDocument};
+use subject::Box2;
 use subject::raster::Bits;
 
 use crate::blobs::LETTERS;
@@ -11,6 +12,52 @@ use crate::proposal::{FIRST, NOBODY, PageProposal};
 const MARGIN: f64 = 0.08;
 /// What is not of the view goes with the blur about it, working px.
 const BLUR: f32 = 2.0;
+/// A speck beside a view is at most so high and wide, share of the view's height.
+const SPECK: f64 = 0.04;
+/// What differs from the paper by more is drawn, levels.
+const DRAWN: f32 = 40.0;
+
+/// What [`cut_out`] and [`cut_box`] cut: the box with a margin, on a page of
+/// this width and height.
+pub fn with_margin(place: &Box2, (width, height): (u32, u32)) -> Box2 {
+    let margin = (MARGIN * f64::from(place.height())).ceil().max(4.0) as u32;
+    Box2 {
+        left: place.left.saturating_sub(margin),
+        top: place.top.saturating_sub(margin),
+        right: place.right.saturating_add(margin).min(width),
+        bottom: place.bottom.saturating_add(margin).min(height),
+    }
+}
+
+/// What is drawn in `place`, a box by hand, with paper about it whatever is
+/// drawn there. It has the size of [`with_margin`].
+///
+/// # Panics
+/// If the box lies outside of the page or the proposal is of another page.
+pub fn cut_box(page: &RgbaImage, proposal: &PageProposal, place: &Box2) -> RgbaImage {
+    assert_eq!(page.dimensions(), (proposal.width, proposal.height), "the page searched");
+    let around = with_margin(place, page.dimensions());
+    let (columns, rows) = (place.left..place.right, place.top..place.bottom);
+    let mut cut = RgbaImage::new(around.width(), around.height());
+    for y in around.top..around.bottom {
+        let paper = proposal.field.row(y as usize);
+        for x in around.left..around.right {
+            let pixel = if rows.contains(&y) && columns.contains(&x) {
+                *page.get_pixel(x, y)
+            } else {
+                bare(proposal, paper.at(x as usize))
+            };
+            cut.put_pixel(x - around.left, y - around.top, pixel);
+        }
+    }
+    cut
+}
+
+/// Paper of this colour where nothing is drawn.
+fn bare(proposal: &PageProposal, colour: [f32; 3]) -> Rgba<u8> {
+    let [r, g, b] = colour.map(|level| level.round() as u8);
+    Rgba([r, g, b, if proposal.is_clear { 0 } else { 255 }])
+}
 
 /// The view `index` of `page` with paper about it. What else is drawn there is
 /// painted over with paper; guides that go through it stay, for the search of
@@ -20,11 +67,8 @@ const BLUR: f32 = 2.0;
 /// If the proposal has no such view or is of a page of another size.
 pub fn cut_out(page: &RgbaImage, proposal: &PageProposal, index: usize) -> RgbaImage {
     assert_eq!(page.dimensions(), (proposal.width, proposal.height), "the page searched");
-    let place = proposal.figures[index].place;
-    let margin = (MARGIN * f64::from(place.height())).ceil().max(4.0) as u32;
-    let (left, top) = (place.left.saturating_sub(margin), place.top.saturating_sub(margin));
-    let right = (place.right + margin).min(proposal.width);
-    let bottom = (place.bottom + margin).min(proposal.height);
+    let Box2 { left, top, right, bottom } =
+        with_margin(&proposal.figures[index].place, page.dimensions());
     let mut cut = image::imageops::crop_imm(page, left, top, right - left, bottom - top).to_image();
     let factor = proposal.factor as u32;
     let from = [left / factor, top / factor];
@@ -37,13 +81,55 @@ pub fn cut_out(page: &RgbaImage, proposal: &PageProposal, index: usize) -> RgbaI
         let paper = proposal.field.row((top + y) as usize);
         for x in 0..cut.width() {
             if foreign.at(i64::from((left + x) / factor - from[0]), i64::from(v)) {
-                let [r, g, b] = paper.at((left + x) as usize).map(|level| level.round() as u8);
-                let alpha = if proposal.is_clear { 0 } else { 255 };
-                cut.put_pixel(x, y, Rgba([r, g, b, alpha]));
+                cut.put_pixel(x, y, bare(proposal, paper.at((left + x) as usize)));
             }
         }
     }
+    let place = &proposal.figures[index].place;
+    for (x, y) in specks(&cut, proposal, place, [left, top]) {
+        let paper = proposal.field.row((top + y) as usize);
+        cut.put_pixel(x, y, bare(proposal, paper.at((left + x) as usize)));
+    }
     cut
+}
+
+/// Pixels of specks in the margin, with the blur about them: too small to have
+/// been taken for anything, such as the degree sign of a caption, and no part of
+/// a line that goes on.
+fn specks(
+    cut: &RgbaImage,
+    proposal: &PageProposal,
+    place: &Box2,
+    [left, top]: [u32; 2],
+) -> Vec<(u32, u32)> {
+    let (w, h) = (cut.width() as usize, cut.height() as usize);
+    let mut drawn = Bits::filled(w, h, false);
+    for (y, row) in drawn.data.chunks_exact_mut(w).enumerate() {
+        let paper = proposal.field.row(top as usize + y);
+        for (x, drawn) in row.iter_mut().enumerate() {
+            let pixel = cut.get_pixel(x as u32, y as u32).0;
+            let bare = paper.at(left as usize + x);
+            let apart = (0..3).any(|c| (f32::from(pixel[c]) - bare[c]).abs() > DRAWN);
+            *drawn = pixel[3] > 32 && (proposal.is_clear || apart);
+        }
+    }
+    let most = (SPECK * f64::from(place.height())).max(3.0) as u32;
+    let parts = drawn.components(true);
+    let small = parts.select(w, |k| {
+        let Box2 { left: l, top: t, right: r, bottom: b } = parts.parts[k].bounds;
+        let outside = l + left >= place.right
+            || r + left <= place.left
+            || t + top >= place.bottom
+            || b + top <= place.top;
+        let ends = l == 0 || t == 0 || r as usize == w || b as usize == h;
+        outside && !ends && (r - l).max(b - t) <= most
+    });
+    if !small.data.contains(&true) {
+        return Vec::new();
+    }
+    let around = small.dilated(BLUR).and_not(&drawn.and_not(&small));
+    let set = around.data.iter().enumerate().filter(|(_, is)| **is);
+    set.map(|(k, _)| ((k % w) as u32, (k / w) as u32)).collect()
 }
 
 /// Working pixels that others own, with the blur about them, but for those

@@ -12,6 +12,7 @@ use crate::blobs::{self, Blobs, LETTERS};
 use crate::error::PageError;
 use crate::layouts;
 use crate::options::PageOptions;
+use crate::outline::TOLERANCE;
 use crate::proposal::{FIRST, Figure, LEFT, LeftOut, LeftOutKind, NOBODY, PageProposal};
 use crate::select::{self, Selected};
 use crate::shape::Shape;
@@ -19,8 +20,6 @@ use crate::{joins, outline, panels, small};
 
 /// Bare pixels about a figure while its outline is closed.
 const PAD: usize = 4;
-/// The outline's corners are within this share of the height.
-const TOLERANCE: f64 = 0.004;
 /// If the figures' height turns out to differ by more, drawings are joined anew.
 const SAME_HEIGHT: f64 = 0.25;
 

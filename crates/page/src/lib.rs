@@ -4,7 +4,8 @@
 //! frames, guides, swatches, heads and props, and guesses at which azimuth each
 //! is drawn; [`propose_turn`] does so for pictures that hold one view each, such
 //! as the frames of an animated turn. [`preview`] draws what was
-//! found on the page, [`cut_out`] makes each view a picture of its own and
+//! found on the page, [`cut_out`] makes each view a picture of its own,
+//! [`cut_box`] one of a box by hand, and
 //! [`sheet_document`] names them as a sheet.
 //!
 //! | module | what it does |
@@ -39,9 +40,10 @@ mod shape;
 mod small;
 
 pub use animation::{AnimationError, decode};
-pub use cut_out::{cut_out, sheet_document};
+pub use cut_out::{cut_box, cut_out, sheet_document, with_margin};
 pub use error::PageError;
 pub use find::{azimuth_order, propose, propose_all, propose_turn, set_azimuths};
 pub use options::PageOptions;
-pub use preview::preview;
+pub use outline::outline_of;
+pub use preview::{preview, reduced};
 pub use proposal::{Figure, LeftOut, LeftOutKind, PageProposal};

@@ -1,7 +1,11 @@
 //! The outline of a mask as a polygon of few corners.
 
+use image::GrayImage;
 use subject::Point;
 use subject::raster::Bits;
+
+/// The outline's corners are within this share of the height.
+pub(crate) const TOLERANCE: f64 = 0.004;
 
 /// The eight neighbours clockwise, from the right.
 const AROUND: [(i64, i64); 8] =
@@ -16,6 +20,16 @@ pub(crate) fn outline(mask: &Bits, tolerance: f64) -> Vec<Point> {
     let Some(largest) = largest else { return Vec::new() };
     let part = parts.select(mask.width, |k| k == largest);
     simplified(&traced(&part), tolerance)
+}
+
+/// The outer outline of the largest part of a mask (0 outside) as a polygon in
+/// its pixels, its corners within a few thousandths of its height; empty if
+/// nothing is set.
+pub fn outline_of(mask: &GrayImage) -> Vec<Point> {
+    let (width, height) = mask.dimensions();
+    let mut bits = Bits::filled(width as usize, height as usize, false);
+    bits.data.iter_mut().zip(mask.as_raw()).for_each(|(bit, level)| *bit = *level != 0);
+    outline(&bits, (TOLERANCE * f64::from(height)).max(0.7))
 }
 
 /// The pixels along the outline, by walking round it (Moore neighbours).

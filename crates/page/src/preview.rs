@@ -56,18 +56,31 @@ const LETTERS: [u16; 26] = [
     0b111_001_010_100_111,
 ];
 
+/// `page` as it is, on its paper, reduced to at most 1600 px a side.
+pub fn reduced(page: &RgbaImage, proposal: &PageProposal) -> RgbImage {
+    let small = small::colours(page, reduction(page) as usize, proposal.paper.colour);
+    let mut canvas = RgbImage::new(small.width as u32, small.height as u32);
+    for (pixel, colour) in canvas.pixels_mut().zip(&small.data) {
+        *pixel = Rgb(*colour);
+    }
+    canvas
+}
+
+/// So many pixels of the page become one, each way.
+fn reduction(page: &RgbaImage) -> u32 {
+    page.width().max(page.height()).div_ceil(SIDE_PX).max(1)
+}
+
 /// Draws the proposal on `page`, reduced to at most 1600 px a side: boxes,
 /// outlines, baselines, axes, azimuths with their confidence, and in another
 /// colour what was left out.
 pub fn preview(page: &RgbaImage, proposal: &PageProposal) -> RgbImage {
-    let factor = page.width().max(page.height()).div_ceil(SIDE_PX).max(1);
-    let small = small::colours(page, factor as usize, proposal.paper.colour);
-    let mut canvas = RgbImage::new(small.width as u32, small.height as u32);
+    let mut canvas = reduced(page, proposal);
     // Paler, so that what is drawn over it stands out.
-    for (pixel, colour) in canvas.pixels_mut().zip(&small.data) {
-        *pixel = Rgb(colour.map(|level| 255 - (255 - level) / 4 * 3));
+    for pixel in canvas.pixels_mut() {
+        *pixel = Rgb(pixel.0.map(|level| 255 - (255 - level) / 4 * 3));
     }
-    let mut pen = Pen { canvas, factor: f64::from(factor) };
+    let mut pen = Pen { canvas, factor: f64::from(reduction(page)) };
     for left in &proposal.left_out {
         pen.rectangle(&left.place, LEFT_OUT);
         pen.text(&left.kind.to_string(), left.place.left, left.place.top, 2, LEFT_OUT);

@@ -206,3 +206,22 @@ proptest! {
         prop_assert_eq!(format!("{:?}", found), format!("{:?}", again));
     }
 }
+
+#[test]
+fn specks_beside_a_figure_are_not_cut_out_with_it() {
+    let mut page = paper(700, 400);
+    figure(&mut page, 100, 100, 0, true);
+    figure(&mut page, 380, 100, 0, false);
+    block(&mut page, 150, 306, 2, 2, INK);
+    let proposal = page::propose(&page, &PageOptions::default(), &Silent).unwrap();
+    assert_eq!(proposal.figures.len(), 2);
+    let bottom = proposal.figures[0].place.bottom;
+    assert!(bottom <= 302, "the speck is no part of the figure: {bottom}");
+    let cut = page::cut_out(&page, &proposal, 0);
+    let from = page::with_margin(&proposal.figures[0].place, page.dimensions());
+    let below = cut.enumerate_pixels().filter(|(_, y, _)| y + from.top > bottom);
+    assert!(below.clone().count() > 500);
+    assert!(below.into_iter().all(|(_, _, pixel)| pixel.0[0] > 200), "the speck was cut out");
+    // The figure's own lines stay.
+    assert!(cut.pixels().any(|pixel| *pixel == INK));
+}

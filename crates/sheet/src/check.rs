@@ -23,6 +23,8 @@ pub struct SheetRequirements {
 /// A view of a checked document.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlacedView {
+    /// Its index in the document.
+    pub index: usize,
     /// Where its camera stands on the turntable.
     pub azimuth: Azimuth,
     /// Camera elevation, degrees, up positive.
@@ -273,6 +275,7 @@ fn place(index: usize, view: &ViewDocument, default: f64) -> Result<PlacedView, 
         return Err(SheetProblem::TwoTruths { place: format!("views[{index}]") });
     }
     Ok(PlacedView {
+        index,
         azimuth,
         elevation_deg,
         image: view.image.clone(),

@@ -87,6 +87,9 @@ problem_types! {
     WRONG_NUMBER_OF_FIGURES = UNPROCESSABLE_ENTITY "wrong-number-of-figures",
         "The page has another number of figures than there are azimuths",
         "The problem's detail lists the figures that were found. Give one azimuth for each in that order, write auto, or send the views one by one as parts view[AZIMUTH].";
+    INVALID_PAGE = UNPROCESSABLE_ENTITY "invalid-page",
+        "The edited page is not valid",
+        "A key is unknown or missing, a box lies outside of its picture, or a mask is of no figure. Get the page, change what is to be put right in its document, and send that back.";
     NOT_AN_IMAGE = UNPROCESSABLE_ENTITY "not-an-image",
         "A file is not an image",
         "Drawings and masks are PNG, JPEG, WebP, TIFF or GIF files with one picture each; the file's first bytes decide, not its name.";
@@ -109,8 +112,8 @@ problem_types! {
         "An option's value is not accepted",
         "The value has the wrong type, is out of range, or does not go with another option. /v1/options and /v1/sheet-options have the ranges.";
     UNKNOWN_SOURCE = UNPROCESSABLE_ENTITY "unknown-source",
-        "There is no reconstruction to take the views from",
-        "The part source must be the id of a reconstruction that has not been deleted.";
+        "There is nothing to take the views from",
+        "The part source must be the id of a reconstruction that has not been deleted, a part page without a file name that of a page.";
     UNKNOWN_MODEL = UNPROCESSABLE_ENTITY "unknown-model",
         "There is no such built-in model",
         "The part model is a file, or builtin:NAME with the name of a built-in model. The problem's detail lists them.";
@@ -192,6 +195,9 @@ problem_types! {
     UNKNOWN_RECONSTRUCTION = NOT_FOUND "unknown-reconstruction",
         "There is no such reconstruction",
         "It was deleted or never existed. /v1/reconstructions lists those there are.";
+    UNKNOWN_PAGE = NOT_FOUND "unknown-page",
+        "There is no such page, or no such file of it",
+        "It was deleted or never existed, or its document names no such file.";
     UNKNOWN_SHEET = NOT_FOUND "unknown-sheet",
         "There is no such sheet",
         "It was deleted or never existed. /v1/sheets lists those there are.";

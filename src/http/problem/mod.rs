@@ -198,6 +198,10 @@ impl From<StoreError> for Problem {
             StoreError::LeaseLost { .. } | StoreError::Unreadable(_) => {
                 Self::internal("job store", &error)
             }
+            StoreError::Changed { id, version } => Self::new(
+                PRECONDITION_FAILED,
+                format!("{id} was changed meanwhile and is at version {version}; get it again"),
+            ),
             StoreError::Backend(cause) => Self::unavailable("job store", &cause),
         }
     }

@@ -37,6 +37,8 @@ pub(super) struct PicturedView {
     pub drawing: Picture,
     pub mask: Option<Picture>,
     pub truth: Option<TruthPicture>,
+    /// As the client described it.
+    pub given: ViewDocument,
 }
 
 /// An upload whose parts fit together; its pictures are not decoded yet.
@@ -99,7 +101,7 @@ fn assemble_views(parts: &mut Parts, limits: &HttpLimits) -> Result<Assembled, P
         let mask = masks.remove(&view.azimuth).map(Picture::from);
         let truth = truths.remove(&view.azimuth);
         let truth = truth.map(|file| TruthPicture { kind: fields.kind, picture: file.into() });
-        Some(PicturedView { view, drawing, mask, truth })
+        Some(PicturedView { view, drawing, mask, truth, given: ViewDocument::default() })
     };
     let views = placed.into_iter().filter_map(pictured).collect();
     if let Some((azimuth, file)) = masks.into_iter().chain(truths).next() {
@@ -118,7 +120,7 @@ fn assemble_sheet(mut parts: Parts, limits: &HttpLimits) -> Result<Assembled, Pr
     matches::lay_over(&mut document.matches, given);
     let options = parse_options(&mut parts, document.options.take())?;
     let placed = check(&document, options.method, limits, Some("sheet"))?;
-    document.views.clear();
+    let given = std::mem::take(&mut document.views);
     let mut files = Files::new(parts.files.into_iter().chain(parts.truth_model.take()));
     let mut views = Vec::with_capacity(placed.len());
     for view in placed {
@@ -130,7 +132,8 @@ fn assemble_sheet(mut parts: Parts, limits: &HttpLimits) -> Result<Assembled, Pr
                 files.take_if_sent(name)?.map(|picture| TruthPicture { kind: Some(*kind), picture })
             }
         };
-        views.push(PicturedView { view, drawing, mask, truth });
+        let given = given.get(view.index).cloned().unwrap_or_default();
+        views.push(PicturedView { view, drawing, mask, truth, given });
     }
     let model = match document.truth.as_mut().and_then(|truth| truth.model.take()) {
         None => None,
@@ -224,12 +227,12 @@ impl Assembled {
         let mut truths = truths.iter();
         let mut drawings = Vec::new();
         let mut inputs = Vec::new();
-        for PicturedView { view, drawing, mask, truth } in views {
+        for PicturedView { view, drawing, mask, truth, given } in views {
             let found = *next(&mut decoded)?;
             let image = format!("views/{}.{}", view.azimuth, extension(found.format));
             inputs.push((image.clone(), drawing.bytes));
             drawings.push((view.azimuth, drawing.part, found.size));
-            let mut stored = view_document(&view, image);
+            let mut stored = view_document(&view, image, given);
             if let Some(mask) = mask {
                 let (name, bytes) =
                     named_mask(view.azimuth, mask, found.size, next(&mut decoded)?)?;
@@ -282,12 +285,16 @@ fn named_mask(
     Ok((format!("masks/{azimuth}.{}", extension(found.format)), mask.bytes))
 }
 
-fn view_document(view: &PlacedView, image: String) -> ViewDocument {
+/// What was said of a view by hand stays; its files have other names now.
+fn view_document(view: &PlacedView, image: String, given: ViewDocument) -> ViewDocument {
     ViewDocument {
         image,
         azimuth_deg: view.azimuth.degrees(),
         elevation_deg: Some(view.elevation_deg),
-        ..ViewDocument::default()
+        mask: None,
+        depth: None,
+        disparity: None,
+        ..given
     }
 }
 

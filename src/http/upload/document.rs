@@ -23,7 +23,11 @@ impl Document {
         part: &str,
         limits: &HttpLimits,
     ) -> Result<Self, Problem> {
-        let bytes = read_limited(field, part, limits.max_document_bytes).await?;
+        Self::of(read_limited(field, part, limits.max_document_bytes).await?, part)
+    }
+
+    /// Checks that `bytes` are JSON.
+    pub(crate) fn of(bytes: Bytes, part: &str) -> Result<Self, Problem> {
         serde_json::from_slice::<IgnoredAny>(&bytes).map_err(|error| {
             let detail = format!("`{part}` is not valid JSON: {error}");
             Problem::new(INVALID_JSON, detail).part(part)

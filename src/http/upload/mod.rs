@@ -12,16 +12,20 @@ mod matches;
 mod model;
 mod option_parts;
 mod page;
+mod page_forms;
 mod parts;
 mod pictures;
 mod source;
 mod terms;
 mod truths;
 
+pub(super) use document::Document;
 pub(super) use intake::Budget;
 pub(super) use model::ModelForm;
-pub(super) use parts::Parts;
-pub(super) use pictures::Decoders;
+pub(super) use page::{azimuth_part, search};
+pub(super) use page_forms::{EditForm, PageForm};
+pub(super) use parts::{FilePart, Parts};
+pub(super) use pictures::{Decoders, image_problem};
 pub(super) use terms::IDEMPOTENCY_KEY;
 
 use std::future::Future;
@@ -55,7 +59,10 @@ pub(super) trait Form: Default + Send {
         field: Field<'_>,
         limits: &HttpLimits,
     ) -> impl Future<Output = Result<(), Problem>> + Send;
+}
 
+/// The parts of an upload that becomes a job.
+pub(super) trait JobForm: Form {
     /// Checks the parts against each other and decodes them to their ends.
     fn check(
         self,
@@ -91,24 +98,37 @@ impl Upload {
 }
 
 /// Receives an upload and enqueues its job. Job and inputs are durable on return.
-pub(super) async fn receive<F: Form>(api: &Api, request: Request) -> Result<Job, Problem> {
-    expect_room(api, request.headers())?;
+pub(super) async fn receive<F: JobForm>(api: &Api, request: Request) -> Result<Job, Problem> {
     let (head, body) = request.into_parts();
     let terms = Terms::of(&head)?;
+    let request = Request::from_parts(head, body);
+    let work = async |form: F| form.check(api, &terms.caller).await;
+    let (upload, _hold) = read_and(api, request, work).await?;
+    // Beyond the timeout: nobody is told that a job failed to come that did.
+    enqueue(api, upload, &terms).await
+}
+
+/// Reads a form and works on it, both within the time for an upload. The hold on
+/// the budget is to be kept as long as the bytes.
+pub(super) async fn read_and<F: Form, T>(
+    api: &Api,
+    request: Request,
+    work: impl AsyncFnOnce(F) -> Result<T, Problem>,
+) -> Result<(T, Option<OwnedSemaphorePermit>), Problem> {
+    expect_room(api, request.headers())?;
+    let (head, body) = request.into_parts();
     let receiving = async {
         let (form, hold) = read_form::<F>(api, &head.headers, body).await?;
         // Parsed documents take more room than their bytes: a few at a time.
         let _slot = api.checks.acquire().await;
-        Ok((form.check(api, &terms.caller).await?, hold))
+        Ok((work(form).await?, hold))
     };
     let received = tokio::time::timeout(api.limits.upload_timeout, receiving).await;
-    let (upload, _hold) = received.unwrap_or_else(|_| {
+    received.unwrap_or_else(|_| {
         let seconds = api.limits.upload_timeout.as_secs();
         let detail = format!("the upload took longer than {seconds} s; send it again");
         Err(Problem::new(REQUEST_TIMEOUT, detail))
-    })?;
-    // Beyond the timeout: nobody is told that a job failed to come that did.
-    enqueue(api, upload, &terms).await
+    })
 }
 
 /// Refuses uploads while the service stops and while its disk is about full:
@@ -247,7 +267,8 @@ async fn store_inputs(api: &Api, job: JobId, inputs: Inputs) -> Result<(), Probl
     Ok(())
 }
 
-async fn write_inputs(
+/// Writes the files of a job or page, a few at a time; they are durable on return.
+pub(super) async fn write_inputs(
     bytes: &ByteStore,
     job: JobId,
     inputs: Vec<(String, Bytes)>,

@@ -6,7 +6,7 @@ use serde_json::{Map, Value};
 
 use super::option_parts::GivenOptions;
 use super::parts::{expect_new, is_option_name, part_name, read_limited, read_text};
-use super::{Form, Inputs, Upload};
+use super::{Form, Inputs, JobForm, Upload};
 use crate::http::access::Caller;
 use crate::http::problem::{
     CAMERA_INSIDE_MODEL, DUPLICATE_AZIMUTH, EMPTY_FILE, EXTERNAL_REFERENCE, INVALID_ANGLE,
@@ -69,7 +69,9 @@ impl Form for ModelForm {
         }
         Ok(())
     }
+}
 
+impl JobForm for ModelForm {
     async fn check(self, api: &Api, _: &Caller) -> Result<Upload, Problem> {
         let Some(model) = self.model else {
             let detail = "no model was sent; add -F 'model=@NAME.glb' or -F model=builtin:teapot";

@@ -18,6 +18,8 @@ use progress::Silent;
 #[derive(Debug, Default)]
 pub(crate) struct PageParts {
     pub page: Option<FilePart>,
+    /// A page that is stored.
+    pub id: Option<String>,
     pub azimuths: Option<String>,
 }
 
@@ -41,36 +43,18 @@ impl PageParts {
                 Some(_) => Err(Problem::new(MISSING_PART, detail).part("page")),
             };
         };
-        let azimuths = ::page::azimuth_order(self.azimuths.as_deref().unwrap_or("auto"));
-        let azimuths =
-            azimuths.map_err(|error| Problem::new(INVALID_ANGLE, error).part("azimuths"))?;
+        let azimuths = azimuth_part(self.azimuths.as_deref())?;
         let limits = *limits;
-        decoders.run(move || cut(&page.bytes, azimuths.as_deref(), &limits)).await?
+        decoders.run(move || cut(page.bytes, azimuths.as_deref(), &limits)).await?
     }
 }
 
 fn cut(
-    bytes: &Bytes,
+    bytes: Bytes,
     azimuths: Option<&[Azimuth]>,
     limits: &HttpLimits,
 ) -> Result<Vec<(Azimuth, FilePart)>, Problem> {
-    let options = PageOptions {
-        max_figures: limits.max_views.min(PageOptions::default().max_figures),
-        ..PageOptions::default()
-    };
-    let pictures = ::page::decode(bytes, &limits.image, options.max_figures);
-    let pictures = pictures.map_err(|error| match error {
-        AnimationError::Picture(error) => image_problem("page", &error),
-        AnimationError::TooManyFrames { .. } => {
-            Problem::new(TOO_MANY_PIXELS, format!("`page` {error}; leave some out")).part("page")
-        }
-    })?;
-    let found = ::page::propose_all(&pictures, &options, &Silent);
-    let mut proposals = found.map_err(|error| page_problem(&error))?;
-    if let Some(azimuths) = azimuths {
-        ::page::set_azimuths(&mut proposals, azimuths)
-            .map_err(|error| number_problem(&error, &proposals))?;
-    }
+    let (pictures, proposals) = search(&[bytes], azimuths, limits)?;
     let mut views = Vec::new();
     for (picture, proposal) in pictures.iter().zip(&proposals) {
         for (index, figure) in proposal.figures.iter().enumerate() {
@@ -80,6 +64,55 @@ fn cut(
         }
     }
     Ok(views)
+}
+
+/// Decodes the pictures of a page and finds the figures on them. It takes a
+/// while: for blocking threads.
+///
+/// * `files`: one picture or animation of a page, or several of one view each.
+/// * `azimuths`: of the figures in reading order; `None` guesses them.
+pub(in crate::http) fn search(
+    files: &[Bytes],
+    azimuths: Option<&[Azimuth]>,
+    limits: &HttpLimits,
+) -> Result<(Vec<RgbaImage>, Vec<PageProposal>), Problem> {
+    let options = PageOptions {
+        max_figures: limits.max_views.min(PageOptions::default().max_figures),
+        ..PageOptions::default()
+    };
+    let mut pictures = Vec::new();
+    let mut image = limits.image;
+    for bytes in files {
+        // All together have at most as many pixels as one may have.
+        let found = ::page::decode(bytes, &image, options.max_figures);
+        let found = found.map_err(|error| animation_problem(&error))?;
+        let pixels = |p: &RgbaImage| u64::from(p.width()) * u64::from(p.height());
+        let used: u64 = found.iter().map(pixels).sum();
+        image.max_pixels = image.max_pixels.saturating_sub(used);
+        pictures.extend(found);
+    }
+    let found = ::page::propose_all(&pictures, &options, &Silent);
+    let mut proposals = found.map_err(|error| page_problem(&error))?;
+    if let Some(azimuths) = azimuths {
+        ::page::set_azimuths(&mut proposals, azimuths)
+            .map_err(|error| number_problem(&error, &proposals))?;
+    }
+    Ok((pictures, proposals))
+}
+
+/// Azimuths as a part says them; `None` if they are to be guessed.
+pub(in crate::http) fn azimuth_part(text: Option<&str>) -> Result<Option<Vec<Azimuth>>, Problem> {
+    let azimuths = ::page::azimuth_order(text.unwrap_or("auto"));
+    azimuths.map_err(|error| Problem::new(INVALID_ANGLE, error).part("azimuths"))
+}
+
+fn animation_problem(error: &AnimationError) -> Problem {
+    match error {
+        AnimationError::Picture(error) => image_problem("page", error),
+        AnimationError::TooManyFrames { .. } => {
+            Problem::new(TOO_MANY_PIXELS, format!("`page` {error}; leave some out")).part("page")
+        }
+    }
 }
 
 fn encoded(picture: &RgbaImage, proposal: &PageProposal, index: usize) -> Result<Bytes, Problem> {
@@ -106,7 +139,7 @@ fn number_problem(error: &PageError, proposals: &[PageProposal]) -> Problem {
     };
     let list = figures.map(place).collect::<Vec<_>>().join("; ");
     let detail = format!(
-        "{error}: {list}; give one azimuth a figure in this order, or `auto`, or send the views one by one"
+        "{error}: {list}; give one azimuth a figure in this order, or `auto`, or send the views one by one; POST it to /v1/pages to see them drawn on the page and put them right"
     );
     Problem::new(WRONG_NUMBER_OF_FIGURES, detail).part("azimuths")
 }

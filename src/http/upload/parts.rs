@@ -10,7 +10,7 @@ use super::matches;
 use super::option_parts::GivenOptions;
 use super::page::PageParts;
 use super::pictures::{check_start, image_problem};
-use super::{Form, Inputs, Upload, source, truths};
+use super::{Form, Inputs, JobForm, Upload, source, truths};
 use crate::http::access::Caller;
 use crate::http::problem::{
     BODY_TOO_LARGE, CONFLICTING_PARTS, DUPLICATE_AZIMUTH, DUPLICATE_PART, EMPTY_FILE,
@@ -74,6 +74,7 @@ enum Kind {
     Matches,
     Options,
     Page,
+    PageId,
     Azimuths,
     Source,
     Field,
@@ -164,8 +165,12 @@ impl Form for Parts {
             }
             Kind::Options => self.given.read_document(field, &name, limits).await?,
             Kind::Page => {
-                expect_new(self.page.page.is_none(), &name)?;
+                expect_new(self.page.page.is_none() && self.page.id.is_none(), &name)?;
                 self.page.page = Some(read_picture(field, name, limits).await?);
+            }
+            Kind::PageId => {
+                expect_new(self.page.page.is_none() && self.page.id.is_none(), &name)?;
+                self.page.id = Some(read_text(field, &name).await?);
             }
             Kind::Azimuths => {
                 expect_new(self.page.azimuths.is_none(), &name)?;
@@ -179,9 +184,26 @@ impl Form for Parts {
         }
         Ok(())
     }
+}
 
+impl JobForm for Parts {
     async fn check(mut self, api: &Api, caller: &Caller) -> Result<Upload, Problem> {
         self.place_loose_views(&api.limits)?;
+        if let Some(page) = self.page.id.take() {
+            let (id, document) = source::of_page(api, caller, &page, self).await?;
+            let inputs = Inputs::Copied {
+                source: id,
+                names: source::input_names(&document),
+                own: Vec::new(),
+            };
+            let payload = ReconstructionPayload {
+                document,
+                source: None,
+                page: Some(id.0),
+                has_matches: false,
+            };
+            return Upload::new(RECONSTRUCTION, &payload, inputs);
+        }
         if let Some(part) = self.page.any() {
             let others = [self.source.as_ref().map(|_| "source".to_owned()), self.any_of_others()];
             self.expect_only(&part, [others[0].as_ref(), others[1].as_ref(), None])?;
@@ -212,11 +234,8 @@ impl Form for Parts {
                 (document, None, Inputs::Uploaded(inputs))
             }
         };
-        Upload::new(
-            RECONSTRUCTION,
-            &ReconstructionPayload { document, source, has_matches },
-            inputs,
-        )
+        let payload = ReconstructionPayload { document, source, page: None, has_matches };
+        Upload::new(RECONSTRUCTION, &payload, inputs)
     }
 }
 
@@ -276,7 +295,7 @@ impl Parts {
     }
 
     /// The name of a part that places drawings in another way than a page.
-    fn any_of_others(&self) -> Option<String> {
+    pub(super) fn any_of_others(&self) -> Option<String> {
         let sheet = self.sheet.as_ref().map(|_| "sheet".to_owned());
         let file = self.files.first().map(|file| file.file.clone());
         self.any_of_views_form().or(sheet).or(file)
@@ -362,6 +381,7 @@ fn kind(name: &str, file_name: Option<&str>) -> Result<Kind, Problem> {
         ("matches", _) => Ok(Kind::Matches),
         ("options", _) => Ok(Kind::Options),
         ("page", Some(_)) => Ok(Kind::Page),
+        ("page", None) => Ok(Kind::PageId),
         ("azimuths", None) => Ok(Kind::Azimuths),
         ("source", _) => Ok(Kind::Source),
         ("image" | "mask", Some(file)) if !file.is_empty() => Ok(Kind::Picture(file.to_owned())),
@@ -399,7 +419,7 @@ fn parse_azimuth(text: &str, part: &str) -> Result<Azimuth, Problem> {
     })
 }
 
-async fn read_picture(
+pub(super) async fn read_picture(
     mut field: Field<'_>,
     file: String,
     limits: &HttpLimits,

@@ -93,7 +93,7 @@ pub(super) fn check_start(start: &[u8], limits: &ImageLimits) -> Result<(), Imag
 }
 
 /// Says what is wrong with the picture of `part`, and how to mend it.
-pub(super) fn image_problem(part: &str, error: &ImageError) -> Problem {
+pub(in crate::http) fn image_problem(part: &str, error: &ImageError) -> Problem {
     let (kind, mend) = match error {
         ImageError::TooManyBytes { .. } => (PART_TOO_LARGE, "compress it or scale it down"),
         ImageError::TooManyPixels { .. } => (TOO_MANY_PIXELS, "scale it down"),

@@ -1,13 +1,18 @@
-//! A job that runs again on the views of an earlier one.
+//! A job that runs again on the views of an earlier one, or on those of a page.
 
+use std::collections::BTreeSet;
+
+use bytes::Bytes;
 use serde_json::Value;
 
 use super::assemble::{check, check_memory, parse_options};
 use super::matches;
+use super::page::azimuth_part;
 use super::parts::Parts;
 use crate::http::Api;
 use crate::http::access::Caller;
-use crate::http::problem::{DIFFERING_SIZES, Problem, UNKNOWN_SOURCE};
+use crate::http::drawn_pages::PageContent;
+use crate::http::problem::{DIFFERING_SIZES, Problem, UNKNOWN_SOURCE, WRONG_NUMBER_OF_FIGURES};
 use crate::kinds::{MATCHES_INPUT, RECONSTRUCTION, ReconstructionPayload};
 use frames::Azimuth;
 use jobs::bytes::{ByteError, Key};
@@ -20,7 +25,7 @@ pub(super) async fn rerun(
     api: &Api,
     caller: &Caller,
     source: &str,
-    mut parts: Parts,
+    parts: Parts,
 ) -> Result<(JobId, SheetDocument), Problem> {
     let sheet = parts.sheet.is_some().then(|| "sheet".to_owned());
     let view = parts.any_of_views_form();
@@ -36,8 +41,6 @@ pub(super) async fn rerun(
     }
     let payload: ReconstructionPayload = serde_json::from_value(job.payload)
         .map_err(|error| Problem::internal("stored sheet document", &error))?;
-    let mut document = payload.document;
-    let given = std::mem::take(&mut parts.matches);
     let stored = match payload.has_matches {
         true => Some(api.state.bytes.get(&Key::Input { job: id, name: MATCHES_INPUT }).await),
         false => None,
@@ -46,11 +49,78 @@ pub(super) async fn rerun(
         ByteError::NotFound(_) => gone(id),
         other => other.into(),
     })?;
+    let document = completed(api, payload.document, parts, stored, "source").await?;
+    Ok((id, document))
+}
+
+/// The document of a job whose views are the kept figures of the page `page`.
+pub(super) async fn of_page(
+    api: &Api,
+    caller: &Caller,
+    page: &str,
+    mut parts: Parts,
+) -> Result<(JobId, SheetDocument), Problem> {
+    let azimuths = azimuth_part(parts.page.azimuths.take().as_deref())?;
+    let source = parts.source.as_ref().map(|_| "source".to_owned());
+    parts.expect_only("page", [source.as_ref(), parts.any_of_others().as_ref(), None])?;
+    let none = || {
+        let detail = format!("there is no page `{page}` to take the views from");
+        Problem::new(UNKNOWN_SOURCE, detail).part("page")
+    };
+    let id: JobId = page.trim().parse().map_err(|_| none())?;
+    let stored = api.state.store.page(id).await.map_err(|error| match error {
+        StoreError::NotFound(_) => none(),
+        other => other.into(),
+    })?;
+    if stored.tenant != caller.tenant {
+        return Err(none());
+    }
+    let mut content = PageContent::of(&stored)?;
+    if let Some(azimuths) = azimuths {
+        place(&mut content, &azimuths, id)?;
+    }
+    let mut document = content.sheet(&format!("{}/", stored.version));
+    let sizes = content.kept().map(|(_, figure)| figure.crop_size());
+    let sizes: BTreeSet<(u32, u32)> = sizes.collect();
+    if let (Some((width, height)), 1) = (sizes.first(), sizes.len()) {
+        (document.width, document.height) = (Some(*width), Some(*height));
+    }
+    document.views.sort_by(|a, b| a.azimuth_deg.total_cmp(&b.azimuth_deg));
+    let document = completed(api, document, parts, None, "page").await?;
+    Ok((id, document))
+}
+
+/// Gives the kept figures these azimuths, in reading order.
+fn place(content: &mut PageContent, azimuths: &[Azimuth], id: JobId) -> Result<(), Problem> {
+    let found = content.kept().count();
+    if found != azimuths.len() {
+        let detail = format!(
+            "{found} figures of the page are kept, {} azimuths were given; /v1/pages/{id}/preview.png shows the figures: give one azimuth for each in their order",
+            azimuths.len()
+        );
+        return Err(Problem::new(WRONG_NUMBER_OF_FIGURES, detail).part("azimuths"));
+    }
+    let kept = content.figures.iter_mut().filter(|figure| figure.kept);
+    kept.zip(azimuths).for_each(|(figure, azimuth)| figure.azimuth_deg = azimuth.degrees());
+    Ok(())
+}
+
+/// A stored document with the options and matches given laid over its own.
+///
+/// * `stored`: its matches, which are stored apart.
+async fn completed(
+    api: &Api,
+    mut document: SheetDocument,
+    mut parts: Parts,
+    stored: Option<Bytes>,
+    part: &str,
+) -> Result<SheetDocument, Problem> {
+    let given = std::mem::take(&mut parts.matches);
     let options = parse_options(&mut parts, document.options.take())?;
-    check(&document, options.method, &api.limits, Some("source"))?;
+    check(&document, options.method, &api.limits, Some(part))?;
     if options.method.needs_equal_sizes() && document.width.is_none() {
         let detail = "the views of the source differ in size, and the method takes views of one";
-        return Err(Problem::new(DIFFERING_SIZES, detail).part("source"));
+        return Err(Problem::new(DIFFERING_SIZES, detail).part(part));
     }
     if document.width.is_some() {
         check_memory(&sizes(&document), &options, &api.limits)?;
@@ -65,7 +135,7 @@ pub(super) async fn rerun(
         matches::check(&document.matches, &sizes(&document), &options)?;
         let options = serde_json::to_value(options).unwrap_or(Value::Null);
         document.options = Some(options);
-        Ok((id, document))
+        Ok(document)
     };
     api.decoders.run(laid_over).await?
 }
@@ -95,6 +165,6 @@ pub(super) fn gone(source: JobId) -> Problem {
 }
 
 fn unknown(source: &str) -> Problem {
-    let detail = format!("there is no reconstruction `{source}` to take the views from");
+    let detail = format!("there is no reconstruction or page `{source}` to take the views from");
     Problem::new(UNKNOWN_SOURCE, detail).part("source")
 }

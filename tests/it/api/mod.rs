@@ -6,6 +6,7 @@ mod faults;
 pub(crate) mod harness;
 mod matches;
 mod page_uploads;
+mod pages;
 mod resources;
 mod service;
 mod sheet_problems;

@@ -12,7 +12,7 @@ use sheet::SheetDocument;
 use turnaround::kinds::ReconstructionPayload;
 
 /// A page with `count` figures of head, trunk and two legs.
-fn page(count: u32) -> Vec<u8> {
+pub(crate) fn page(count: u32) -> Vec<u8> {
     let page = GrayImage::from_fn(120 + 150 * count, 320, |x, y| {
         let (figure, x) = (x.saturating_sub(60) / 150, x.saturating_sub(60) % 150);
         let head = (60..90).contains(&x) && (50..90).contains(&y);
@@ -102,4 +102,26 @@ async fn a_page_goes_with_no_other_form() {
     refused(mixed, "conflicting-parts").await;
     let sheet = with_page(page(2)).text("sheet", r#"{"views": []}"#);
     refused(sheet, "conflicting-parts").await;
+}
+
+#[tokio::test]
+async fn what_a_sheet_says_by_hand_is_kept() {
+    let service = Service::start().await;
+    let sheet = serde_json::json!({"views": [
+        {"image": "side.png", "azimuth_deg": 90, "mirrored": true, "ignore": [[3, 4]]},
+        {"image": "front.png", "azimuth_deg": 0, "polygon": [[1, 1], [30, 2], [9, 20]],
+         "erase": [[[0, 0], [5, 0], [5, 5]]], "attach": [[7.5, 8]]},
+    ]});
+    let form = Form::new()
+        .text("sheet", sheet.to_string())
+        .part("image", file(drawing(32, 24, 1), "front.png"))
+        .part("image", file(drawing(32, 24, 2), "side.png"));
+    let body: Value = service.upload(form).await.json().await.unwrap();
+    let id: JobId = body["id"].as_str().unwrap().parse().unwrap();
+    let job = service.store.get(id).await.unwrap();
+    let document = serde_json::from_value::<ReconstructionPayload>(job.payload).unwrap().document;
+    let [front, side] = document.views.as_slice() else { panic!("{document:?}") };
+    assert_eq!((front.polygon.len(), front.erase.len(), front.attach.len()), (3, 1, 1));
+    assert!(!front.mirrored && side.mirrored);
+    assert_eq!((side.image.as_str(), side.ignore.as_slice()), ("views/90.png", &[[3.0, 4.0]][..]));
 }

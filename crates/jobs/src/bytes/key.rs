@@ -16,9 +16,9 @@ pub(super) const ARTIFACTS: &str = "artifacts";
 /// Names are relative paths such as `views/22.5/disparity.png`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Key<'a> {
-    /// An uploaded file of a job.
+    /// An uploaded file of a job, or a file of a page.
     Input {
-        /// The job it was uploaded for.
+        /// The job or page that it belongs to.
         job: JobId,
         /// Its name among the job's inputs.
         name: &'a str,

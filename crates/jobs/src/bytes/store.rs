@@ -206,6 +206,12 @@ impl ByteStore {
         self.delete_all(key::inputs_of(job)).await
     }
 
+    /// Deletes a job's inputs whose names begin with `folder` and a slash.
+    /// Nothing stored is no error.
+    pub async fn delete_inputs(&self, job: JobId, folder: &str) -> Result<(), ByteError> {
+        self.delete_all(Key::Input { job, name: folder }.path()?).await
+    }
+
     /// Deletes what one attempt wrote. Nothing stored is no error.
     pub async fn delete_attempt(&self, job: JobId, attempt: u32) -> Result<(), ByteError> {
         self.delete_all(key::attempt_of(job, attempt)).await

@@ -100,7 +100,14 @@ impl AccessStore for SqliteStore {
                 .fetch_all(&mut *transaction)
                 .await
                 .map_err(backend)?;
-        let jobs: Vec<JobId> = deleted.iter().filter_map(|id| id.parse().ok()).collect();
+        let pages: Vec<String> =
+            sqlx::query_scalar("DELETE FROM pages WHERE tenant = ?1 RETURNING id")
+                .bind(name.as_str())
+                .fetch_all(&mut *transaction)
+                .await
+                .map_err(backend)?;
+        let jobs: Vec<JobId> =
+            deleted.iter().chain(&pages).filter_map(|id| id.parse().ok()).collect();
         for id in &jobs {
             ownerless::add(&mut transaction, *id, &self.clock.uptime()).await?;
         }

@@ -6,6 +6,7 @@
 mod access;
 mod idempotency;
 mod ownerless;
+mod pages;
 mod reserve;
 mod rows;
 mod store;

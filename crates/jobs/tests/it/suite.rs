@@ -136,6 +136,7 @@ pub(crate) async fn run<F: AsyncFn() -> Subject>(fresh: F) {
     names_are_taken_once(&fresh().await).await;
     bytes_are_ownerless_before_a_job_and_after_it(&fresh().await).await;
     changes_are_announced(&fresh().await).await;
+    pages_change_one_version_at_a_time(&fresh().await).await;
     writers_at_the_same_time_leave_no_gap(&fresh().await).await;
 }
 
@@ -796,6 +797,28 @@ async fn changes_are_announced(subject: &Subject) {
         assert_eq!((change.id, change.kind, change.version), (id, kind, version));
     }
     assert!(changes.try_recv().is_err());
+}
+
+async fn pages_change_one_version_at_a_time(subject: &Subject) {
+    let (store, id) = (&subject.store, JobId::new());
+    let added = store.add_page(id, &TenantName::default(), json!({ "figures": [] })).await.unwrap();
+    assert_eq!((added.version, added.created_at), (1, subject.clock.now()));
+    assert_eq!(store.page(id).await.unwrap(), added);
+    subject.clock.advance(Duration::from_secs(5));
+    let changed = store.replace_page(id, 1, json!({ "figures": [1] })).await.unwrap();
+    assert_eq!((changed.version, changed.created_at), (2, added.created_at));
+    assert_eq!(changed.changed_at, subject.clock.now());
+    let late = store.replace_page(id, 1, json!({})).await;
+    assert!(matches!(late, Err(StoreError::Changed { version: 2, .. })), "{late:?}");
+    assert_eq!(store.page(id).await.unwrap(), changed);
+    // No job, and claimed by nobody.
+    assert!(matches!(store.get(id).await, Err(StoreError::NotFound(_))));
+    assert!(subject.claim().await.is_none());
+    store.delete_page(id).await.unwrap();
+    for gone in [store.page(id).await, store.replace_page(id, 2, json!({})).await] {
+        assert!(matches!(gone, Err(StoreError::NotFound(named)) if named == id), "{gone:?}");
+    }
+    assert!(matches!(store.delete_page(id).await, Err(StoreError::NotFound(_))));
 }
 
 async fn writers_at_the_same_time_leave_no_gap(subject: &Subject) {

@@ -1,0 +1,105 @@
+//! Pages in the table `pages`.
+
+use async_trait::async_trait;
+use serde_json::Value;
+use sqlx::SqliteConnection;
+use sqlx::sqlite::SqliteRow;
+use sqlx::{FromRow, Row};
+
+use super::access::tenant_name;
+use super::rows::{json, time};
+use super::{SqliteStore, backend, ownerless};
+use crate::pages::{PageStore, StoredPage};
+use crate::{JobId, StoreError, TenantName};
+
+impl<'r> FromRow<'r, SqliteRow> for StoredPage {
+    fn from_row(row: &'r SqliteRow) -> sqlx::Result<Self> {
+        let id: &str = row.try_get("id")?;
+        Ok(Self {
+            id: id.parse().map_err(|error| sqlx::Error::Decode(Box::new(error)))?,
+            tenant: tenant_name(row, "tenant")?,
+            content: json(row, "content")?,
+            version: row.try_get::<i64, _>("version")?.cast_unsigned(),
+            created_at: time(row, "created_ms")?,
+            changed_at: time(row, "changed_ms")?,
+        })
+    }
+}
+
+async fn load(connection: &mut SqliteConnection, id: JobId) -> Result<StoredPage, StoreError> {
+    sqlx::query_as("SELECT * FROM pages WHERE id = ?1")
+        .bind(id.to_string())
+        .fetch_optional(connection)
+        .await
+        .map_err(backend)?
+        .ok_or(StoreError::NotFound(id))
+}
+
+#[async_trait]
+impl PageStore for SqliteStore {
+    async fn add_page(
+        &self,
+        id: JobId,
+        tenant: &TenantName,
+        content: Value,
+    ) -> Result<StoredPage, StoreError> {
+        let mut transaction = self.begin().await?;
+        sqlx::query(
+            "INSERT INTO pages (id, tenant, content, version, created_ms, changed_ms)
+             VALUES (?1, ?4, ?2, 1, ?3, ?3)",
+        )
+        .bind(id.to_string())
+        .bind(content.to_string())
+        .bind(self.clock.now().as_millisecond())
+        .bind(tenant.as_str())
+        .execute(&mut *transaction)
+        .await
+        .map_err(backend)?;
+        ownerless::remove(&mut transaction, id).await?;
+        let page = load(&mut transaction, id).await?;
+        transaction.commit().await.map_err(backend)?;
+        Ok(page)
+    }
+
+    async fn page(&self, id: JobId) -> Result<StoredPage, StoreError> {
+        let mut connection = self.readers.acquire().await.map_err(backend)?;
+        load(&mut connection, id).await
+    }
+
+    async fn replace_page(
+        &self,
+        id: JobId,
+        version: u64,
+        content: Value,
+    ) -> Result<StoredPage, StoreError> {
+        let mut transaction = self.begin().await?;
+        let found = load(&mut transaction, id).await?.version;
+        if found != version {
+            return Err(StoreError::Changed { id, version: found });
+        }
+        sqlx::query(
+            "UPDATE pages SET content = ?2, version = version + 1, changed_ms = ?3 WHERE id = ?1",
+        )
+        .bind(id.to_string())
+        .bind(content.to_string())
+        .bind(self.clock.now().as_millisecond())
+        .execute(&mut *transaction)
+        .await
+        .map_err(backend)?;
+        let page = load(&mut transaction, id).await?;
+        transaction.commit().await.map_err(backend)?;
+        Ok(page)
+    }
+
+    async fn delete_page(&self, id: JobId) -> Result<(), StoreError> {
+        let mut transaction = self.begin().await?;
+        load(&mut transaction, id).await?;
+        sqlx::query("DELETE FROM pages WHERE id = ?1")
+            .bind(id.to_string())
+            .execute(&mut *transaction)
+            .await
+            .map_err(backend)?;
+        ownerless::add(&mut transaction, id, &self.clock.uptime()).await?;
+        transaction.commit().await.map_err(backend)
+    }
+}

@@ -1,0 +1,492 @@
+// The stage: a draft in its frame (metres, Y up, front +Z), seen freely or from
+// exactly where a drawing was drawn. Frames are drawn only when something changed.
+
+import {
+  AmbientLight,
+  BufferGeometry,
+  Color,
+  DirectionalLight,
+  DoubleSide,
+  FrontSide,
+  GridHelper,
+  Group,
+  HemisphereLight,
+  Line,
+  LineBasicMaterial,
+  type Material,
+  Mesh,
+  MeshBasicMaterial,
+  MeshLambertMaterial,
+  type Object3D,
+  OrthographicCamera,
+  PerspectiveCamera,
+  Raycaster,
+  Scene,
+  Spherical,
+  type Texture,
+  Vector2,
+  Vector3,
+  WebGLRenderer,
+  Box3,
+} from "three";
+import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
+import { GLTFLoader } from "three/examples/jsm/loaders/GLTFLoader.js";
+import { planeName } from "./names";
+
+export type Surface = "clay" | "confidence" | "drawings";
+
+/** The files of one draft. */
+export interface DraftFiles {
+  solid: ArrayBuffer;
+  textured: ArrayBuffer | null;
+}
+
+/** One draft on the stage, with every way to show it. */
+interface Draft {
+  root: Group;
+  clay: Mesh[];
+  textured: Object3D[];
+  /** Planes with the drawings, by azimuth as in `ref_045`. */
+  planes: Map<string, Mesh>;
+  height: number;
+  centre: Vector3;
+  radius: number;
+}
+
+export interface Colours {
+  background: string;
+  grid: string;
+  accent: string;
+}
+
+const FOV = 32;
+const meshesOf = (root: Object3D): Mesh[] => {
+  const found: Mesh[] = [];
+  root.traverse((node) => {
+    if (node instanceof Mesh) found.push(node);
+  });
+  return found;
+};
+
+/** Whether 3D is drawn by the processor: smooth edges cost too much there. */
+function isSoftware(): boolean {
+  const probe = document.createElement("canvas").getContext("webgl");
+  const info = probe?.getExtension("WEBGL_debug_renderer_info");
+  const name = info ? String(probe?.getParameter(info.UNMASKED_RENDERER_WEBGL)) : "";
+  probe?.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|software/i.test(name);
+}
+
+async function parse(bytes: ArrayBuffer): Promise<Group> {
+  return (await new GLTFLoader().parseAsync(bytes, "")).scene;
+}
+
+export class Stage {
+  #renderer: WebGLRenderer;
+  #scene = new Scene();
+  #perspective = new PerspectiveCamera(FOV, 1, 0.01, 200);
+  #flat = new OrthographicCamera(-1, 1, 1, -1, -100, 200);
+  #controls: OrbitControls;
+  #drafts: Draft[] = [];
+  #isFlat = false;
+  #surface: Surface = "clay";
+  #wireframe = false;
+  #turning = false;
+  #overlay: { azimuth: number; opacity: number } | null = null;
+  /** Where the first draft ends and the second begins, share of the width. */
+  #split: number | null = null;
+  #grid: GridHelper | null = null;
+  #showGrid = true;
+  #measured: Vector3[] = [];
+  #line: Line;
+  #measuring: ((metres: number | null, points: number) => void) | null = null;
+  #colours: Colours;
+  #frame = 0;
+  #last = 0;
+  #observer: ResizeObserver;
+  #down = new Vector2();
+  /** Share of the full resolution: less while frames are slow to draw. */
+  #sharpness = 1;
+  #slow = 0;
+  #rest = 0;
+
+  constructor(
+    readonly canvas: HTMLCanvasElement,
+    colours: Colours,
+    /** Told when a person turned away from a drawn angle. */
+    private readonly onFree: () => void,
+  ) {
+    this.#colours = colours;
+    this.#renderer = new WebGLRenderer({ canvas, antialias: !isSoftware() });
+    this.#controls = this.#controlsOf(this.#perspective);
+    this.#scene.add(new HemisphereLight(0xffffff, 0x8d97ab, 1.5), new AmbientLight(0xffffff, 0.35));
+    const key = new DirectionalLight(0xffffff, 1.7);
+    key.position.set(2, 4, 5);
+    const rim = new DirectionalLight(0xffffff, 0.7);
+    rim.position.set(-4, 2, -5);
+    this.#scene.add(key, rim);
+    this.#line = new Line(
+      new BufferGeometry(),
+      new LineBasicMaterial({ color: colours.accent, depthTest: false }),
+    );
+    this.#line.renderOrder = 20;
+    this.#line.visible = false;
+    this.#scene.add(this.#line);
+    this.#observer = new ResizeObserver(() => this.#resize());
+    this.#observer.observe(canvas.parentElement ?? canvas);
+    canvas.addEventListener("pointerdown", this.#pointerDown);
+    canvas.addEventListener("pointerup", this.#pointerUp);
+    this.recolour(colours);
+    this.#resize();
+  }
+
+  /** Puts a draft on the stage, beside one that is there already. */
+  async add(files: DraftFiles): Promise<void> {
+    const solid = await parse(files.solid);
+    const textured = files.textured ? await parse(files.textured) : null;
+    const root = new Group();
+    const clay = meshesOf(solid);
+    const planes = new Map<string, Mesh>();
+    const body: Object3D[] = [];
+    for (const node of [...(textured?.children ?? [])]) {
+      if (!node.name.startsWith("ref_")) {
+        body.push(node);
+        continue;
+      }
+      for (const plane of meshesOf(node)) {
+        const map = (plane.material as MeshBasicMaterial).map as Texture | null;
+        plane.material = new MeshBasicMaterial({
+          map,
+          transparent: true,
+          depthTest: false,
+          depthWrite: false,
+          side: DoubleSide,
+        });
+        plane.renderOrder = 10;
+        plane.visible = false;
+        planes.set(node.name, plane);
+      }
+    }
+    root.add(solid);
+    if (textured) root.add(textured);
+    const box = new Box3();
+    for (const mesh of clay) box.expandByObject(mesh);
+    const draft: Draft = {
+      root,
+      clay,
+      textured: body,
+      planes,
+      height: box.max.y - box.min.y,
+      centre: box.getCenter(new Vector3()),
+      radius: box.getSize(new Vector3()).length() / 2,
+    };
+    for (const mesh of clay) {
+      mesh.userData["confidence"] = mesh.geometry.getAttribute("color");
+    }
+    this.#drafts.push(draft);
+    this.#scene.add(root);
+    if (this.#drafts.length === 1) {
+      this.#buildGrid(draft);
+      this.reset();
+    }
+    this.#apply();
+  }
+
+  get hasTextures(): boolean {
+    return this.#drafts.some((draft) => draft.textured.length > 0);
+  }
+
+  get #main(): Draft | undefined {
+    return this.#drafts[0];
+  }
+
+  get #camera(): PerspectiveCamera | OrthographicCamera {
+    return this.#isFlat ? this.#flat : this.#perspective;
+  }
+
+  recolour(colours: Colours): void {
+    this.#colours = colours;
+    this.#scene.background = new Color(colours.background);
+    (this.#line.material as LineBasicMaterial).color.set(colours.accent);
+    if (this.#main) this.#buildGrid(this.#main);
+    this.invalidate();
+  }
+
+  /** Back to the first look: a little from the side and above. */
+  reset(): void {
+    this.#isFlat = false;
+    this.#place(28, 78);
+  }
+
+  /** Looks exactly as at a drawing: level and without perspective. */
+  lookAt(azimuth: number): void {
+    this.#isFlat = true;
+    this.#place(azimuth, 90);
+  }
+
+  setFlat(flat: boolean): void {
+    if (flat === this.#isFlat) return;
+    const at = new Spherical().setFromVector3(
+      this.#camera.position.clone().sub(this.#controls.target),
+    );
+    this.#isFlat = flat;
+    this.#place((at.theta * 180) / Math.PI, (at.phi * 180) / Math.PI);
+  }
+
+  /** Turns the camera by so many degrees, as the arrow keys do. */
+  turn(around: number, up: number): void {
+    const offset = this.#camera.position.clone().sub(this.#controls.target);
+    const at = new Spherical().setFromVector3(offset);
+    at.theta += (around * Math.PI) / 180;
+    at.phi = Math.min(Math.PI - 0.02, Math.max(0.02, at.phi - (up * Math.PI) / 180));
+    this.#camera.position.copy(this.#controls.target).add(offset.setFromSpherical(at));
+    this.#controls.update();
+    this.onFree();
+    this.invalidate();
+  }
+
+  zoom(factor: number): void {
+    if (this.#isFlat) {
+      this.#flat.zoom *= factor;
+      this.#flat.updateProjectionMatrix();
+    } else {
+      const target = this.#controls.target;
+      this.#perspective.position.sub(target).multiplyScalar(1 / factor).add(target);
+    }
+    this.#controls.update();
+    this.invalidate();
+  }
+
+  setSurface(surface: Surface): void {
+    this.#surface = surface;
+    this.#apply();
+  }
+
+  setWireframe(on: boolean): void {
+    this.#wireframe = on;
+    this.#apply();
+  }
+
+  setGrid(on: boolean): void {
+    this.#showGrid = on;
+    if (this.#grid) this.#grid.visible = on;
+    this.invalidate();
+  }
+
+  setTurning(on: boolean): void {
+    this.#turning = on;
+    if (on) this.onFree();
+    this.invalidate();
+  }
+
+  /** Lays the drawing of an azimuth over the draft; null takes it away. */
+  setOverlay(azimuth: number | null, opacity: number): void {
+    this.#overlay = azimuth === null ? null : { azimuth, opacity };
+    this.#apply();
+  }
+
+  hasDrawing(azimuth: number): boolean {
+    return this.#main?.planes.has(planeName(azimuth)) ?? false;
+  }
+
+  setSplit(share: number | null): void {
+    this.#split = share;
+    this.invalidate();
+  }
+
+  /** Measures between two points that a person clicks; null ends it. */
+  setMeasuring(told: ((metres: number | null, points: number) => void) | null): void {
+    this.#measuring = told;
+    this.#measured = [];
+    this.#line.visible = false;
+    this.canvas.classList.toggle("measuring", told !== null);
+    this.invalidate();
+  }
+
+  dispose(): void {
+    cancelAnimationFrame(this.#frame);
+    clearTimeout(this.#rest);
+    this.#observer.disconnect();
+    this.#controls.dispose();
+    this.canvas.removeEventListener("pointerdown", this.#pointerDown);
+    this.canvas.removeEventListener("pointerup", this.#pointerUp);
+    this.#scene.traverse((node) => {
+      if (!(node instanceof Mesh)) return;
+      node.geometry.dispose();
+      for (const material of [node.material].flat() as Material[]) material.dispose();
+    });
+    this.#renderer.dispose();
+  }
+
+  /** Draws a frame soon. */
+  invalidate(): void {
+    if (this.#frame === 0) this.#frame = requestAnimationFrame(this.#draw);
+  }
+
+  #controlsOf(camera: PerspectiveCamera | OrthographicCamera): OrbitControls {
+    const controls = new OrbitControls(camera, this.canvas);
+    controls.enableDamping = false;
+    controls.addEventListener("change", () => this.invalidate());
+    controls.addEventListener("start", () => {
+      if (!this.#measuring) this.onFree();
+    });
+    return controls;
+  }
+
+  #place(azimuth: number, polar: number): void {
+    const draft = this.#main;
+    if (!draft) return;
+    const distance = (draft.radius * 1.12) / Math.sin((FOV * Math.PI) / 360);
+    const radians = (azimuth * Math.PI) / 180;
+    const phi = (Math.min(179, Math.max(1, polar)) * Math.PI) / 180;
+    const camera = this.#camera;
+    camera.position
+      .setFromSpherical(new Spherical(distance, phi, radians))
+      .add(draft.centre);
+    this.#flat.zoom = 1;
+    const target = draft.centre.clone();
+    this.#controls.dispose();
+    this.#controls = this.#controlsOf(camera);
+    this.#controls.target.copy(target);
+    this.#resize();
+    this.#controls.update();
+    this.invalidate();
+  }
+
+  #resize(): void {
+    const host = this.canvas.parentElement ?? this.canvas;
+    const width = Math.max(1, host.clientWidth);
+    const height = Math.max(1, host.clientHeight);
+    this.#renderer.setPixelRatio(Math.min(devicePixelRatio, 2) * this.#sharpness);
+    this.#renderer.setSize(width, height, false);
+    const aspect = width / height;
+    this.#perspective.aspect = aspect;
+    this.#perspective.updateProjectionMatrix();
+    const draft = this.#main;
+    const half = draft ? Math.max(draft.radius * 1.05, (draft.radius * 1.05) / aspect) : 1;
+    Object.assign(this.#flat, { left: -half * aspect, right: half * aspect, top: half, bottom: -half });
+    this.#flat.updateProjectionMatrix();
+    this.invalidate();
+  }
+
+  #buildGrid(draft: Draft): void {
+    if (this.#grid) {
+      this.#scene.remove(this.#grid);
+      this.#grid.dispose();
+    }
+    // Half a metre a square, or what suits the model's size.
+    const cell = 10 ** Math.round(Math.log10(draft.height / 6)) * 2;
+    const count = 2 * Math.ceil((draft.radius * 1.6) / cell);
+    const grid = new GridHelper(count * cell, count, this.#colours.grid, this.#colours.grid);
+    grid.position.y = draft.centre.y - draft.height / 2;
+    grid.visible = this.#showGrid;
+    this.#grid = grid;
+    this.#scene.add(grid);
+  }
+
+  #apply(): void {
+    for (const draft of this.#drafts) {
+      const textured = this.#surface === "drawings" && draft.textured.length > 0;
+      for (const node of draft.textured) node.visible = textured;
+      for (const mesh of draft.clay) {
+        mesh.visible = !textured || this.#wireframe;
+        const colours = this.#surface === "confidence" ? mesh.userData["confidence"] : null;
+        if (colours) mesh.geometry.setAttribute("color", colours as never);
+        (mesh.material as Material).dispose();
+        mesh.material = new MeshLambertMaterial({
+          color: this.#surface === "confidence" ? 0xffffff : 0xcfd3dc,
+          vertexColors: Boolean(colours),
+          side: FrontSide,
+          wireframe: this.#wireframe,
+          flatShading: false,
+        });
+      }
+      for (const [name, plane] of draft.planes) {
+        const shown =
+          this.#overlay !== null &&
+          name === planeName(this.#overlay.azimuth) &&
+          this.#overlay.opacity > 0;
+        plane.visible = shown;
+        if (this.#overlay) (plane.material as MeshBasicMaterial).opacity = this.#overlay.opacity;
+      }
+    }
+    this.invalidate();
+  }
+
+  /** Fewer pixels while it moves on a slow machine, all of them at rest. */
+  #pace(now: number): void {
+    const passed = now - this.#last;
+    if (passed < 250) this.#slow = passed > 45 ? this.#slow + 1 : Math.max(0, this.#slow - 1);
+    if (this.#slow >= 4 && this.#sharpness > 0.5) {
+      this.#sharpness -= 0.25;
+      this.#slow = 0;
+      this.#resize();
+    }
+    clearTimeout(this.#rest);
+    if (this.#sharpness < 1) {
+      this.#rest = window.setTimeout(() => {
+        this.#sharpness = 1;
+        this.#resize();
+      }, 300);
+    }
+  }
+
+  #draw = (now: number): void => {
+    this.#frame = 0;
+    this.#pace(now);
+    if (this.#turning) {
+      const passed = Math.min(100, now - (this.#last || now));
+      const offset = this.#camera.position.clone().sub(this.#controls.target);
+      const at = new Spherical().setFromVector3(offset);
+      at.theta += (passed / 1000) * 0.7;
+      this.#camera.position.copy(this.#controls.target).add(offset.setFromSpherical(at));
+      this.#camera.lookAt(this.#controls.target);
+      this.#frame = requestAnimationFrame(this.#draw);
+    }
+    this.#last = now;
+    const [first, second] = this.#drafts;
+    if (first && second && this.#split !== null) {
+      const size = this.#renderer.getSize(new Vector2());
+      const at = Math.round(size.x * this.#split);
+      this.#renderer.setScissorTest(true);
+      for (const [shown, hidden, left, width] of [
+        [first, second, 0, at],
+        [second, first, at, size.x - at],
+      ] as const) {
+        shown.root.visible = true;
+        hidden.root.visible = false;
+        this.#renderer.setScissor(left, 0, width, size.y);
+        this.#renderer.render(this.#scene, this.#camera);
+      }
+      this.#renderer.setScissorTest(false);
+      return;
+    }
+    this.#renderer.render(this.#scene, this.#camera);
+  };
+
+  #pointerDown = (event: PointerEvent): void => {
+    this.#down.set(event.clientX, event.clientY);
+  };
+
+  #pointerUp = (event: PointerEvent): void => {
+    const draft = this.#main;
+    const moved = this.#down.distanceTo(new Vector2(event.clientX, event.clientY));
+    if (!this.#measuring || !draft || moved > 4) return;
+    const place = this.canvas.getBoundingClientRect();
+    const at = new Vector2(
+      ((event.clientX - place.left) / place.width) * 2 - 1,
+      1 - ((event.clientY - place.top) / place.height) * 2,
+    );
+    const ray = new Raycaster();
+    ray.setFromCamera(at, this.#camera);
+    const hit = ray.intersectObjects(draft.clay, false)[0];
+    if (!hit) return;
+    if (this.#measured.length === 2) this.#measured = [];
+    this.#measured.push(hit.point);
+    const [a, b] = this.#measured;
+    this.#line.visible = Boolean(a && b);
+    if (a && b) this.#line.geometry.setFromPoints([a, b]);
+    this.#measuring(a && b ? a.distanceTo(b) : null, this.#measured.length);
+    this.invalidate();
+  };
+}
