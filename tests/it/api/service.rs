@@ -148,7 +148,7 @@ async fn description_options_and_pages_are_served() {
 #[tokio::test]
 async fn paths_and_methods_that_are_not_there() {
     let service = Service::start().await;
-    for path in ["/", "/v2", "/v1/reconstructions/", "/docs/none.js"] {
+    for path in ["/v2", "/assets/none.js", "/v1/reconstructions/", "/docs/none.js"] {
         let response = service.get(path).send().await.unwrap();
         problem(response, 404, "not-found").await;
     }
@@ -166,6 +166,18 @@ async fn paths_and_methods_that_are_not_there() {
         }
         problem(response, 405, "method-not-allowed").await;
     }
+}
+
+#[tokio::test]
+async fn the_page_is_at_the_root_built_or_not() {
+    let service = Service::start().await;
+    let response = service.get("/").send().await.unwrap();
+    assert_eq!(response.status(), 200);
+    assert!(header(&response, "content-type").unwrap().starts_with("text/html"));
+    assert!(header(&response, "content-security-policy").unwrap().contains("default-src 'none'"));
+    assert!(header(&response, "set-cookie").is_none());
+    let body = response.text().await.unwrap();
+    assert!(body.contains("assets/") || body.contains("npm ci"), "{body}");
 }
 
 #[tokio::test]
