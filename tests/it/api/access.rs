@@ -2,14 +2,17 @@
 
 use std::fmt::Write;
 
-use jobs::{AccessStore, JobId, JobStore, KeyText, NewJob, NewKey, Scope, TenantName};
+use jobs::{
+    AccessStore, JobId, JobStore, KeyText, NewJob, NewKey, PageStore, Scope, StoreError, TenantName,
+};
 use reqwest::multipart::Form;
 use reqwest::{Method, RequestBuilder, Response, StatusCode};
 use serde_json::{Value, json};
 use turnaround::http::openapi;
 use turnaround::kinds::{DRAWING, RECONSTRUCTION};
 
-use crate::api::harness::{Service, problem, views};
+use crate::api::harness::{Service, file, problem, views};
+use crate::api::page_uploads::page;
 
 fn tenant(name: &str) -> TenantName {
     name.parse().unwrap()
@@ -315,4 +318,35 @@ async fn important_jobs_run_first() {
     let body = problem(send("101").await.unwrap(), 400, "invalid-query").await;
     assert_eq!(body["parameter"], "priority");
     problem(send("soon").await.unwrap(), 400, "invalid-query").await;
+}
+
+#[tokio::test]
+async fn pages_are_the_tenant_s_own_and_go_with_it() {
+    let (service, callers) = with_keys().await;
+    let key_of = |name| callers.iter().find(|(caller, _)| *caller == name).unwrap().1.clone();
+    let (own, other) = (key_of("write"), key_of("other tenant"));
+    let form = || Form::new().part("page", file(page(2), "sheet.png"));
+    let response = with(service.post("/v1/pages"), &own).multipart(form()).send().await.unwrap();
+    assert_eq!(response.status(), 201);
+    let stored: Value = response.json().await.unwrap();
+    let id = stored["id"].as_str().unwrap();
+    let address = format!("/v1/pages/{id}");
+    let preview = format!("{address}/preview.png");
+    for path in [&address, &preview] {
+        let theirs = with(service.get(path), &own).send().await.unwrap();
+        assert_eq!(theirs.status(), 200);
+        let refused = with(service.get(path), &other).send().await.unwrap();
+        problem(refused, 404, "unknown-page").await;
+    }
+    let refused = with(service.put(&address), &other).json(&stored).send().await.unwrap();
+    problem(refused, 404, "unknown-page").await;
+    let refused = with(service.delete(&address), &other).send().await.unwrap();
+    problem(refused, 404, "unknown-page").await;
+    let from_page = Form::new().text("page", id.to_owned());
+    let upload = with(service.post("/v1/reconstructions"), &other).multipart(from_page);
+    problem(upload.send().await.unwrap(), 422, "unknown-source").await;
+    service.store.delete_tenant(&tenant("own")).await.unwrap();
+    let id: JobId = id.parse().unwrap();
+    assert!(matches!(service.store.page(id).await, Err(StoreError::NotFound(_))));
+    assert!(service.store.is_ownerless(id, std::time::Duration::ZERO).await.unwrap());
 }
