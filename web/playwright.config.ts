@@ -4,6 +4,8 @@ import { defineConfig } from "@playwright/test";
 
 export default defineConfig({
   testDir: "tests/e2e",
+  // What is timed is measured when asked for, not each time.
+  testIgnore: process.env["SPEED"] ? [] : ["speed.spec.ts"],
   globalSetup: "./tests/e2e/service.ts",
   // One service and two processors for all of them.
   workers: 1,

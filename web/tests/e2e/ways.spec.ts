@@ -149,8 +149,8 @@ test("two drafts are compared with a slider", async ({ page }) => {
 test("the key is asked once, wrong and right, and kept for the tab", async ({ page }) => {
   // The service asks for none yet: a door before it does.
   await page.route("**/v1/**", async (route) => {
-    const key = route.request().headers()["authorization"];
-    if (key === "Bearer right") return route.continue();
+    const { authorization: key, ...headers } = route.request().headers();
+    if (key === "Bearer right") return route.continue({ headers });
     const problem = { type: "/problems/unauthorized", title: "No", status: 401, detail: "no key" };
     return route.fulfill({ status: 401, contentType: "application/problem+json", body: JSON.stringify(problem) });
   });
@@ -211,9 +211,10 @@ test("it works below a path of a proxy", async ({ page }) => {
       return;
     }
     const path = incoming.url.slice("/studio/sheets".length);
-    const { host: _, ...headers } = incoming.headers;
+    // The host goes along as the browser named it: its origin must be the page's.
+    const { method, headers } = incoming;
     const sent = forward(
-      { host: target.hostname, port: target.port, path, method: incoming.method, headers },
+      { host: target.hostname, port: target.port, path, method, headers },
       (got) => {
         answer.writeHead(got.statusCode ?? 502, got.headers);
         got.pipe(answer);
