@@ -30,6 +30,16 @@ impl Section {
         let ends = along.fold((f64::MAX, f64::MIN), |(a, b), v| (a.min(v), b.max(v)));
         (ends.0 <= ends.1).then_some(ends)
     }
+
+    /// How much of a strip `(azimuth_deg, left, right)` the section does not
+    /// explain beyond `slack_px` at either end, px.
+    pub(crate) fn beyond(&self, strip: &(f64, f64, f64), slack_px: f64) -> f64 {
+        let (azimuth_deg, left, right) = *strip;
+        match self.shadow(azimuth_deg) {
+            None => right - left,
+            Some((a, b)) => (a - left - slack_px).max(0.0) + (right - b - slack_px).max(0.0),
+        }
+    }
 }
 
 /// The part of a polygon where `normal · p <= limit`.
@@ -82,14 +92,9 @@ pub(crate) fn unexplained(azimuths_deg: &[f64], views: &[Rows], shifts: &[f64]) 
         }
         let section = Section::within(&shown);
         for (k, strip) in all.iter().enumerate() {
-            let Some((azimuth_deg, left, right)) = *strip else { continue };
+            let Some(strip @ (_, left, right)) = strip else { continue };
             widths[k] += right - left;
-            missing[k] += match section.shadow(azimuth_deg) {
-                None => right - left,
-                Some((a, b)) => ((a - left - 2.0 * NOISE_PX).max(0.0)
-                    + (right - b - 2.0 * NOISE_PX).max(0.0))
-                .min(right - left),
-            };
+            missing[k] += section.beyond(strip, 2.0 * NOISE_PX).min(right - left);
         }
     }
     missing.iter().zip(&widths).map(|(missing, width)| missing / f64::max(*width, 1.0)).collect()

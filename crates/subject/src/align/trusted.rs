@@ -119,7 +119,7 @@ fn fault(
         let shown: Vec<_> =
             (0..all.len()).filter(|k| Some(*k) != without).filter_map(|k| all[k]).collect();
         let section = Section::within(&shown);
-        (shown.iter().map(|strip| beyond(&section, strip)).sum::<f64>(), section, shown.len())
+        (shown.iter().map(|strip| section.beyond(strip, 0.0)).sum::<f64>(), section, shown.len())
     };
     let (base, whole, shown) = missing(None);
     let mut absent = (0..all.len()).filter(|k| all[*k].is_none());
@@ -140,7 +140,7 @@ fn fault(
         // Only a view that shows less than the others allow cuts them, and is
         // itself not cut.
         let wider = (left - a).max(0.0) + (b - right).max(0.0);
-        let cuts = beyond(&whole, &own) <= OWN_SHARE * base;
+        let cuts = whole.beyond(&own, 0.0) <= OWN_SHARE * base;
         if rest > BETTER * base || wider < least_px || !cuts {
             continue;
         }
@@ -152,12 +152,4 @@ fn fault(
         best = Some((k, (a.max(left - 2.0 * width), b.min(right + 2.0 * width))));
     }
     best
-}
-
-/// How much of a strip no section within all can explain, px.
-fn beyond(section: &Section, strip: &(f64, f64, f64)) -> f64 {
-    match section.shadow(strip.0) {
-        None => strip.2 - strip.1,
-        Some((a, b)) => (a - strip.1).max(0.0) + (strip.2 - b).max(0.0),
-    }
 }
