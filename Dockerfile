@@ -22,7 +22,7 @@ RUN cargo build --release --locked && strip target/release/turnaround
 
 FROM debian:bookworm-slim
 RUN apt-get update \
-    && apt-get install -y --no-install-recommends curl \
+    && apt-get install -y --no-install-recommends ca-certificates curl \
         libopencv-calib3d406 libopencv-features2d406 libopencv-flann406 libopencv-imgproc406 \
     && rm -rf /var/lib/apt/lists/* \
     && useradd --system --uid 10001 --home-dir /data --create-home turnaround

@@ -9,4 +9,6 @@ pub mod draft;
 pub mod failure_code;
 pub mod http;
 pub mod kinds;
+pub mod outbound;
+pub mod webhooks;
 pub mod worker;

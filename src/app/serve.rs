@@ -13,11 +13,13 @@ use tokio::runtime::{Handle, Runtime};
 use tokio::signal::unix::{SignalKind, signal};
 use tokio_util::sync::CancellationToken;
 
-use super::config::{AccessConfig, Config, HttpConfig};
+use super::config::{AccessConfig, Config, HttpConfig, OutboundConfig};
 use super::failure::Failure;
 use super::{descriptors, memory};
 use crate::draft::DraftLimits;
-use crate::http::{self, Access, ApiState, Guard, HttpLimits, KeyPolicy, ServerTimeouts};
+use crate::http::{self, Access, ApiState, Guard, HttpLimits, KeyPolicy, LinkKey, ServerTimeouts};
+use crate::outbound::{Outbound, OutboundPolicy};
+use crate::webhooks::{Sender, SenderConfig};
 use crate::worker::jobs::{Draw, Reconstruct};
 use crate::worker::{Pool, Work, WorkerConfig};
 use jobs::bytes::ByteStore;
@@ -44,6 +46,7 @@ fn run<F: Future<Output = Result<()>>>(service: impl FnOnce(Handle) -> F) -> Res
 
 async fn serve_until_signal(config: &Config, runtime: Handle) -> Result<()> {
     let stores = Stores::open(config).await?;
+    let outbound = outbound(config)?;
     let (draining, shutdown) = (CancellationToken::new(), CancellationToken::new());
     let state = ApiState {
         store: stores.jobs.clone(),
@@ -51,6 +54,8 @@ async fn serve_until_signal(config: &Config, runtime: Handle) -> Result<()> {
         metrics: http::prometheus().context("recording metrics")?,
         max_attempts: config.workers.max_attempts,
         access: access(config, &stores).await?,
+        outbound: outbound.clone(),
+        link_key: link_key(config, &stores).await?,
         guard: guard(&config.http),
         draining: draining.clone(),
         shutdown: shutdown.clone(),
@@ -64,6 +69,7 @@ async fn serve_until_signal(config: &Config, runtime: Handle) -> Result<()> {
     let listener =
         TcpListener::bind(listen).await.with_context(|| format!("listening on {listen}"))?;
     let pool = stores.start_workers(config, &runtime)?;
+    let sender = tokio::spawn(stores.sender(outbound).run());
     println!("listening on http://{}", listener.local_addr()?);
     let timeouts = server_timeouts(&config.http);
     let stopped = shutdown.clone();
@@ -75,14 +81,19 @@ async fn serve_until_signal(config: &Config, runtime: Handle) -> Result<()> {
     // Status requests are answered until running jobs have come to rest.
     pool.shutdown(Duration::from_secs(config.workers.shutdown_grace)).await;
     shutdown.cancel();
+    // What it was sending is sent again after the next start.
+    sender.abort();
     server.await.context("the server")??;
     Ok(())
 }
 
 async fn work_until_signal(config: &Config, runtime: Handle) -> Result<()> {
-    let pool = Stores::open(config).await?.start_workers(config, &runtime)?;
+    let stores = Stores::open(config).await?;
+    let pool = stores.start_workers(config, &runtime)?;
+    let sender = tokio::spawn(stores.sender(outbound(config)?).run());
     stop_signal().await?;
     pool.shutdown(Duration::from_secs(config.workers.shutdown_grace)).await;
+    sender.abort();
     Ok(())
 }
 
@@ -133,6 +144,17 @@ impl Stores {
         Pool::start(worker_config(config), jobs, self.bytes.clone(), works, runtime)
             .context("starting the workers")
     }
+
+    /// What sends the messages of the outbox.
+    fn sender(&self, outbound: Arc<Outbound>) -> Sender {
+        Sender { config: SenderConfig::default(), store: Arc::clone(&self.jobs), outbound }
+    }
+}
+
+fn outbound(config: &Config) -> Result<Arc<Outbound>> {
+    let OutboundConfig { trusted_host, allow_http, .. } = config.outbound.clone();
+    let policy = OutboundPolicy { trusted_hosts: trusted_host, allow_http };
+    Ok(Arc::new(Outbound::new(policy).context("preparing calls to others")?))
 }
 
 fn worker_config(Config { workers: config, storage, .. }: &Config) -> WorkerConfig {
@@ -150,6 +172,11 @@ fn worker_config(Config { workers: config, storage, .. }: &Config) -> WorkerConf
         collect_unknown_after: storage
             .collect_unknown_after
             .map(|hours| Duration::from_secs(hours.saturating_mul(3600))),
+        // Below the budget, so that there is room for the uploads that come next.
+        make_room: storage
+            .disk_budget_mib
+            .filter(|_| storage.make_room)
+            .map(|mib| (mib << 20) / 10 * 9),
         ..WorkerConfig::default()
     }
 }
@@ -157,7 +184,8 @@ fn worker_config(Config { workers: config, storage, .. }: &Config) -> WorkerConf
 /// Who may use the service. One that others can reach must have a key, unless
 /// it is told otherwise.
 async fn access(config: &Config, stores: &Stores) -> Result<Access> {
-    let AccessConfig { requests_per_second, max_queued, max_tenant_streams, .. } = config.access;
+    let AccessConfig { requests_per_second, max_queued, max_tenant_streams, expires_in, .. } =
+        config.access;
     let store = Arc::clone(&stores.access);
     if let Some(path) = &config.access.first_key_file {
         first_key(store.as_ref(), path).await?;
@@ -177,9 +205,27 @@ async fn access(config: &Config, stores: &Stores) -> Result<Access> {
         max_queued,
         max_running: None,
         max_streams: max_tenant_streams,
+        max_bytes: config.access.max_tenant_mib.map(|mib| mib << 20),
+        expires_in,
     };
     let (open_metrics, docs) = (config.access.open_metrics, !config.access.no_docs);
     Ok(Access { store, policy, defaults, open_metrics, docs })
+}
+
+/// What links are signed with: given, or made once and kept.
+async fn link_key(config: &Config, stores: &Stores) -> Result<LinkKey> {
+    let Some(path) = &config.access.link_secret_file else {
+        return Ok(LinkKey::new(&stores.access.secret("links").await?));
+    };
+    let within = || format!("reading the secret of links from {}", path.display());
+    let secret = std::fs::read_to_string(path).with_context(within)?;
+    ensure!(
+        secret.trim().len() >= 32,
+        "{} has {} bytes; a secret of links needs 32 at least",
+        path.display(),
+        secret.trim().len()
+    );
+    Ok(LinkKey::new(&secret))
 }
 
 /// Stores the key in `path` unless it is there.
@@ -224,8 +270,10 @@ fn draft_limits(config: &Config) -> DraftLimits {
 }
 
 fn http_limits(whole: &Config, connections: usize) -> HttpLimits {
-    let Config { limits: config, http, storage, .. } = whole;
+    let Config { limits: config, http, storage, outbound, .. } = whole;
     HttpLimits {
+        disk_budget_bytes: storage.disk_budget_mib.map(|mib| mib << 20),
+        inputs_by_url: outbound.inputs_by_url,
         min_free_bytes: storage.min_free_mib << 20,
         // Others than streams must find a connection.
         max_streams: http.max_streams.min(connections / 2),

@@ -7,8 +7,8 @@
 use std::sync::LazyLock;
 
 use evaluation::EvaluationOptions;
-use frames::ExportOptions;
-use options::{OptionProblem, OptionProblems, OptionSet, Schema};
+use frames::{ExportOptions, UpAxis};
+use options::{OptionProblem, OptionProblemKind, OptionProblems, OptionSet, Schema};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -190,13 +190,24 @@ impl OptionSet for Options {
     }
 
     fn conflicts(&self) -> Vec<OptionProblem> {
-        self.uncalibrated().conflicts()
+        let mut conflicts = self.uncalibrated().conflicts();
+        // Of OBJ, and of STL and 3MF.
+        if [UpAxis::Y, UpAxis::Z].iter().any(|auto| self.export.file_axes(*auto).is_none()) {
+            conflicts.push(OptionProblem {
+                option: "export.forward".to_owned(),
+                kind: OptionProblemKind::Invalid,
+                detail: "the subject would look up or down in OBJ or in STL and 3MF; name another \
+                         axis than export.up_axis, and say export.up_axis if forward is y or z"
+                    .to_owned(),
+            });
+        }
+        conflicts
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use options::{OptionProblemKind, merge, nested};
+    use options::{merge, nested};
     use uncalibrated::options::SgbmMode;
 
     use super::*;
@@ -251,6 +262,11 @@ mod tests {
             "detection.descriptor"
         );
         assert_eq!(problems(json!({"disparity": {"p1": 6000}}))[0].option, "disparity.p2");
+        for export in [json!({"forward": "z"}), json!({"forward": "-y", "up_axis": "y"})] {
+            assert_eq!(problems(json!({ "export": export }))[0].option, "export.forward");
+        }
+        let unreal = json!({"export": {"forward": "x", "up_axis": "z"}});
+        assert!(parse(&unreal).is_ok());
     }
 
     #[test]

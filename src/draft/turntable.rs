@@ -5,11 +5,11 @@ use evaluation::{
     TruthReport, ViewComparison, ViewTruth, compare_silhouettes, disparity_from_depth,
     evaluate_view, true_mask,
 };
-use frames::{Azimuth, Placement};
+use frames::{Azimuth, Placement, UpAxis};
 use picture::png;
 use progress::Observer;
 use rayon::ThreadPool;
-use turntable::export::{model_files, view_files};
+use turntable::export::{Frames, model_files, view_files};
 use turntable::fit::{ViewFit, redraw};
 use turntable::{Draft, metrics};
 
@@ -40,6 +40,11 @@ pub(super) fn run(run: &Run<'_>, delivery: Delivery<'_>) -> Result<Summary, Draf
     let bounds = draft.solid.mesh.bounds();
     let bounds = bounds.ok_or_else(|| DraftError::internal("a solid without points"))?;
     let placement = Placement::new(bounds, &options.export);
+    let axes = |auto| {
+        let axes = options.export.file_axes(auto);
+        axes.ok_or_else(|| DraftError::internal("options that conflict"))
+    };
+    let frames = Frames { obj: axes(UpAxis::Y)?, print: axes(UpAxis::Z)? };
     let units = draft.depths.len() + UNITS_AFTER_VIEWS;
     let mut exporter = Exporter::new(units, pool, &exporting, delivery);
     let views: Vec<usize> = (0..draft.depths.len()).collect();
@@ -50,7 +55,7 @@ pub(super) fn run(run: &Run<'_>, delivery: Delivery<'_>) -> Result<Summary, Draf
         files.artifacts.extend(trust_map(preparation, azimuth)?);
         Ok(files)
     })?;
-    exporter.take(model_files(&draft, &placement, own.reference_planes)?)?;
+    exporter.take(model_files(&draft, &placement, &frames, own.reference_planes)?)?;
     exporter.unit_done("mesh")?;
     for name in [ArtifactName::Cloud, ArtifactName::Hull] {
         exporter.take(Files::none(name, "the method turntable makes solid.glb instead"))?;

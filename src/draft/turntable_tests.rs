@@ -201,6 +201,8 @@ fn every_artifact_is_there_and_readable() {
         "metrics.json",
         "solid.glb",
         "solid.obj",
+        "solid.stl",
+        "solid.3mf",
         "textured.glb",
         "thumbnail.png",
         "timings.json",

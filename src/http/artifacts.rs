@@ -17,7 +17,7 @@ use super::conditional::{is_known, is_unwanted};
 use super::problem::{PRECONDITION_FAILED, Problem, RANGE_NOT_SATISFIABLE, UNKNOWN_ARTIFACT};
 use super::range::{Selection, select};
 use super::representation::{ArtifactList, ArtifactSummary};
-use super::resource::{Id, OwnedId, Resource, find, unless_known};
+use super::resource::{Id, OwnedId, Resource, find, noun_of, unless_known};
 use jobs::bytes::{ByteError, Key};
 use jobs::{ArtifactEntry, Job, JobId};
 
@@ -60,19 +60,18 @@ pub(super) async fn named<R: Resource>(
     let Path((id, name)) =
         path.map_err(|error| Problem::new(UNKNOWN_ARTIFACT, error.body_text()))?;
     let asked = OwnedId { id: Id::<R>::parse(&id)?, caller };
-    serve::<R>(api, asked, &name, method, headers).await
+    serve(api, &find::<R>(api, &asked).await?, &name, method, headers).await
 }
 
 /// Answers an artifact's bytes, or the range of them that the client asks for.
-pub(super) async fn serve<R: Resource>(
+pub(super) async fn serve(
     api: &Api,
-    asked: OwnedId,
+    job: &Job,
     name: &str,
     method: &Method,
     headers: &HeaderMap,
 ) -> Result<Response, Problem> {
-    let job = &find::<R>(api, &asked).await?;
-    let entry = entry::<R>(job, name)?;
+    let entry = entry(job, name)?;
     let etag: ETag = format!("\"{}\"", entry.sha256)
         .parse()
         .map_err(|_| Problem::internal("artifact", &"stored hash makes no ETag"))?;
@@ -83,7 +82,7 @@ pub(super) async fn serve<R: Resource>(
     let mut response = if is_known(headers, &etag) {
         StatusCode::NOT_MODIFIED.into_response()
     } else if method == Method::HEAD {
-        content_response(entry, 0..entry.bytes, Body::empty())
+        content_response(job, entry, 0..entry.bytes, Body::empty())
     } else {
         content(api, job, entry, requested(entry, &etag, headers)?).await?
     };
@@ -94,12 +93,14 @@ pub(super) async fn serve<R: Resource>(
     Ok(response)
 }
 
-fn entry<'j, R: Resource>(job: &'j Job, name: &str) -> Result<&'j ArtifactEntry, Problem> {
+/// The job's artifact of this name.
+pub(super) fn entry<'j>(job: &'j Job, name: &str) -> Result<&'j ArtifactEntry, Problem> {
     job.artifacts.iter().find(|entry| entry.name == name).ok_or_else(|| {
+        let (noun, id) = (noun_of(&job.kind).unwrap_or("job"), job.id);
         let detail = if job.state.is_final() {
-            format!("{} {} has no artifact `{name}`; see its list", R::NOUN, job.id)
+            format!("{noun} {id} has no artifact `{name}`; see its list")
         } else {
-            format!("{} {} is not finished, so it has no `{name}` yet", R::NOUN, job.id)
+            format!("{noun} {id} is not finished, so it has no `{name}` yet")
         };
         Problem::new(UNKNOWN_ARTIFACT, detail)
     })
@@ -136,12 +137,12 @@ async fn content(
     range: Range<u64>,
 ) -> Result<Response, Problem> {
     if range.is_empty() {
-        return Ok(content_response(entry, range, Body::empty()));
+        return Ok(content_response(job, entry, range, Body::empty()));
     }
     let key = Key::Artifact { job: job.id, attempt: job.attempt, name: &entry.name };
     let found = api.state.bytes.stream(&key, Some(range.clone())).await;
     let found = found.map_err(|error| missing(job.id, &entry.name, &error))?;
-    Ok(content_response(entry, range, Body::from_stream(found.chunks)))
+    Ok(content_response(job, entry, range, Body::from_stream(found.chunks)))
 }
 
 fn missing(id: JobId, name: &str, error: &ByteError) -> Problem {
@@ -155,7 +156,7 @@ fn missing(id: JobId, name: &str, error: &ByteError) -> Problem {
     }
 }
 
-fn content_response(entry: &ArtifactEntry, range: Range<u64>, body: Body) -> Response {
+fn content_response(job: &Job, entry: &ArtifactEntry, range: Range<u64>, body: Body) -> Response {
     let is_part = range != (0..entry.bytes);
     let mut response = Response::new(body);
     let headers = response.headers_mut();
@@ -167,7 +168,7 @@ fn content_response(entry: &ArtifactEntry, range: Range<u64>, body: Body) -> Res
     set(header::CONTENT_TYPE, &entry.media_type);
     set(header::CONTENT_LENGTH, &(range.end - range.start).to_string());
     set(header::ACCEPT_RANGES, "bytes");
-    set(header::CONTENT_DISPOSITION, &disposition(entry));
+    set(header::CONTENT_DISPOSITION, &disposition(job, entry));
     if is_part {
         let last = range.end - 1;
         set(header::CONTENT_RANGE, &format!("bytes {}-{last}/{}", range.start, entry.bytes));
@@ -176,16 +177,32 @@ fn content_response(entry: &ArtifactEntry, range: Range<u64>, body: Body) -> Res
     response
 }
 
-/// Pictures and JSON are shown, the rest is saved; the name on disk is the
-/// artifact's with its folders joined by dashes.
-fn disposition(entry: &ArtifactEntry) -> String {
+/// Pictures and JSON are shown, the rest is saved. The name on disk says whose it
+/// is: the job's name, or what it is and the end of its id; then the artifact's
+/// with its folders joined by dashes.
+fn disposition(job: &Job, entry: &ArtifactEntry) -> String {
     let is_shown =
         entry.media_type.starts_with("image/png") || entry.media_type == "application/json";
     let kind = if is_shown { "inline" } else { "attachment" };
-    let name: String = entry
-        .name
-        .chars()
-        .map(|c| if c.is_ascii_alphanumeric() || ".-_".contains(c) { c } else { '-' })
+    let id = job.id.to_string();
+    let own = || format!("{}-{}", noun_of(&job.kind).unwrap_or("job"), &id[id.len() - 8..]);
+    let whose = job.tags.name.clone().filter(|name| !name.trim().is_empty()).unwrap_or_else(own);
+    let name = format!("{}-{}", whose.trim(), entry.name);
+    // What file systems and the header take.
+    let plain = |c: char| if c.is_alphanumeric() || ".-_".contains(c) { c } else { '-' };
+    let name: String = name.chars().map(plain).collect();
+    let ascii: String = name.chars().map(|c| if c.is_ascii() { c } else { '-' }).collect();
+    if ascii == name {
+        return format!("{kind}; filename=\"{name}\"");
+    }
+    // RFC 6266: the second is for those who understand it.
+    let encoded: String = name
+        .bytes()
+        .map(|byte| match byte {
+            b'.' | b'-' | b'_' => char::from(byte).to_string(),
+            _ if byte.is_ascii_alphanumeric() => char::from(byte).to_string(),
+            _ => format!("%{byte:02X}"),
+        })
         .collect();
-    format!("{kind}; filename=\"{name}\"")
+    format!("{kind}; filename=\"{ascii}\"; filename*=UTF-8''{encoded}")
 }

@@ -54,7 +54,7 @@ fn follow(
             match api.state.store.events(id, last).await {
                 Ok(events) => for event in events {
                     last = event.number;
-                    let is_final = is_final(event.kind);
+                    let is_final = event.kind.is_final();
                     yield Ok(message(&event));
                     if is_final {
                         return;
@@ -94,8 +94,4 @@ fn message(event: &Event) -> ServerSentEvent {
 
 fn kind(kind: EventKind) -> Value {
     serde_json::to_value(kind).unwrap_or_default()
-}
-
-fn is_final(kind: EventKind) -> bool {
-    matches!(kind, EventKind::Succeeded | EventKind::Failed | EventKind::Cancelled)
 }

@@ -92,6 +92,14 @@ pub(super) async fn metrics(State(api): State<Arc<Api>>) -> Result<impl IntoResp
     ] {
         metrics::gauge!("turnaround_jobs", "state" => state).set(count as f64);
     }
+    metrics::gauge!("turnaround_stored_bytes")
+        .set(api.state.store.stored_bytes(None).await? as f64);
+    if let Some(free) = api.state.bytes.free_bytes()? {
+        metrics::gauge!("turnaround_disk_free_bytes").set(free as f64);
+    }
+    if let Some(budget) = api.limits.disk_budget_bytes {
+        metrics::gauge!("turnaround_disk_budget_bytes").set(budget as f64);
+    }
     api.state.metrics.run_upkeep();
     let content_type = [(header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")];
     Ok((content_type, api.state.metrics.render()))

@@ -32,6 +32,10 @@ pub struct HttpLimits {
     pub max_upload_memory_bytes: u64,
     /// Uploads are taken only while this much is left on the disk, bytes.
     pub min_free_bytes: u64,
+    /// Uploads are taken only while less than this is stored, bytes.
+    pub disk_budget_bytes: Option<u64>,
+    /// Whether drawings and masks may be named by URL, to be fetched.
+    pub inputs_by_url: bool,
     /// Event streams open at a time.
     pub max_streams: usize,
     /// Pictures and models being checked at a time, each on a thread of its own.
@@ -61,6 +65,8 @@ impl Default for HttpLimits {
             max_matches_bytes: 8 << 20,
             max_upload_memory_bytes: 768 << 20,
             min_free_bytes: 64 << 20,
+            disk_budget_bytes: None,
+            inputs_by_url: false,
             max_streams: 256,
             concurrent_decodes: 2,
             upload_timeout: Duration::from_secs(600),

@@ -11,12 +11,14 @@ use axum::response::Response;
 use super::Api;
 use super::artifacts::{self, IdAndName};
 use super::events;
+use super::links::{self, Link, NewLink};
 use super::openapi::problem_responses;
 use super::problem::*;
 use super::representation::{ArtifactList, Reconstruction, ReconstructionList};
 use super::resource::{self, Id, ListParameters, Listing, Resource};
 use super::tags::Changes;
 use super::upload::{self, Parts};
+use super::webhooks::{self, DeliveryId, DeliveryList};
 use crate::kinds::RECONSTRUCTION;
 
 /// Sheets on their way to a draft.
@@ -38,12 +40,14 @@ problem_responses! {
         WRONG_NUMBER_OF_FIGURES, NOT_AN_IMAGE, DAMAGED_IMAGE,
         INVALID_SHEET, JOB_TOO_LARGE, INVALID_TRUTH, UNKNOWN_OPTION, INVALID_OPTION, UNKNOWN_SOURCE, REQUEST_TIMEOUT,
         BUSY, UNAVAILABLE, INSUFFICIENT_STORAGE, INVALID_QUERY,
-        INVALID_IDEMPOTENCY_KEY, IDEMPOTENCY_KEY_REUSED, IDEMPOTENT_JOB_GONE, TOO_MANY_JOBS
+        INVALID_IDEMPOTENCY_KEY, IDEMPOTENCY_KEY_REUSED, IDEMPOTENT_JOB_GONE, TOO_MANY_JOBS, INVALID_WEBHOOK, NO_WEBHOOK_SECRET, TENANT_FULL, NOT_FETCHED
 }
 problem_responses! { JobProblems: UNKNOWN_RECONSTRUCTION, UNAVAILABLE }
 problem_responses! { StreamProblems: UNKNOWN_RECONSTRUCTION, BUSY, UNAVAILABLE }
 problem_responses! { ListProblems: INVALID_QUERY, UNAVAILABLE }
 problem_responses! { CancelProblems: UNKNOWN_RECONSTRUCTION, ALREADY_FINISHED, UNAVAILABLE }
+problem_responses! { NewLinkProblems: UNKNOWN_RECONSTRUCTION, UNKNOWN_ARTIFACT, INVALID_BODY, UNAVAILABLE }
+problem_responses! { RedeliverProblems: UNKNOWN_RECONSTRUCTION, UNKNOWN_DELIVERY, UNAVAILABLE }
 problem_responses! { DeleteProblems: UNKNOWN_RECONSTRUCTION, UNAVAILABLE }
 problem_responses! { PatchProblems: UNKNOWN_RECONSTRUCTION, INVALID_BODY, UNAVAILABLE }
 problem_responses! {
@@ -67,6 +71,8 @@ problem_responses! {
          description = "What it is found by: NAME:TEXT pairs, 16 at most"),
         ("expires_in" = Option<i64>, Query, minimum = 0, maximum = 316_224_000,
          description = "Seconds until it is deleted by itself, once it has ended"),
+        ("webhook" = Option<String>, Query, max_length = 2048, example = "https://studio.example/hook",
+         description = "Where its end is told, in place of the tenant's address"),
         ("pinned" = Option<bool>, Query, description = "Whether it stays although its time is over"),
         ("Idempotency-Key" = Option<String>, Header, max_length = 255, example = "8e03978e-40d5",
          description = "A name for this upload: sent again within a day with the same key, it is answered as the first time and becomes no second job"),
@@ -308,5 +314,59 @@ pub(super) async fn metrics(
     method: Method,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    artifacts::serve::<Reconstructions>(&api, id.0, "metrics.json", &method, &headers).await
+    let job = resource::find::<Reconstructions>(&api, &id.0).await?;
+    artifacts::serve(&api, &job, "metrics.json", &method, &headers).await
+}
+
+/// Make a link to a result of a reconstruction that needs no key.
+///
+/// It ends by itself, and with the reconstruction.
+#[utoipa::path(
+    post,
+    path = "/v1/reconstructions/{id}/links",
+    operation_id = "link",
+    tag = "artifacts",
+    params(("id" = String, Path, format = "uuid", description = "The reconstruction")),
+    request_body = NewLink,
+    responses((status = 201, description = "Made", body = Link), NewLinkProblems)
+)]
+pub(super) async fn link(
+    State(api): State<Arc<Api>>,
+    id: Id<Reconstructions>,
+    given: Result<Json<NewLink>, JsonRejection>,
+) -> Result<(StatusCode, Json<Link>), Problem> {
+    links::create::<Reconstructions>(&api, id.0, given).await
+}
+
+/// List the messages about the end of a reconstruction.
+#[utoipa::path(
+    get,
+    path = "/v1/reconstructions/{id}/deliveries",
+    operation_id = "deliveries",
+    tag = "webhooks",
+    params(("id" = String, Path, format = "uuid", description = "The reconstruction")),
+    responses((status = 200, description = "Oldest first, each with its tries", body = DeliveryList), JobProblems)
+)]
+pub(super) async fn deliveries(
+    State(api): State<Arc<Api>>,
+    id: Id<Reconstructions>,
+) -> Result<Json<DeliveryList>, Problem> {
+    webhooks::list::<Reconstructions>(&api, id.0).await
+}
+
+/// Send a message about the end of a reconstruction anew.
+#[utoipa::path(
+    post,
+    path = "/v1/reconstructions/{id}/deliveries/{delivery}/redeliver",
+    operation_id = "redeliver",
+    tag = "webhooks",
+    params(("id" = String, Path, format = "uuid", description = "The reconstruction"),
+           ("delivery" = String, Path, format = "uuid", description = "The message")),
+    responses((status = 202, description = "Will be sent soon", body = DeliveryList), RedeliverProblems)
+)]
+pub(super) async fn redeliver(
+    State(api): State<Arc<Api>>,
+    id: DeliveryId<Reconstructions>,
+) -> Result<(StatusCode, Json<DeliveryList>), Problem> {
+    webhooks::redeliver::<Reconstructions>(&api, id).await
 }

@@ -19,7 +19,9 @@ use super::Api;
 use super::access::Caller;
 use super::conditional::{PREFERENCE_APPLIED, is_known, preferred_wait};
 use super::problem::{INVALID_QUERY, Problem, ProblemType};
+use super::reconstructions::Reconstructions;
 use super::representation::State as JobStateName;
+use super::sheets::Sheets;
 use super::tags::{Changes, pairs};
 use super::wait::wait_until;
 use jobs::{Job, JobId, ListQuery, StoreError};
@@ -45,6 +47,24 @@ pub(super) trait Resource: Send + Sync + 'static {
     /// The path of one of them.
     fn path(id: JobId) -> String {
         format!("{}/{id}", Self::PATH)
+    }
+}
+
+/// What messages call jobs of this kind; `None` of a kind that is none of ours.
+pub(crate) fn noun_of(kind: &str) -> Option<&'static str> {
+    known(kind).map(|(noun, _)| noun)
+}
+
+/// The path of a job of this kind.
+pub(crate) fn path_of(kind: &str, id: JobId) -> Option<String> {
+    known(kind).map(|(_, path)| format!("{path}/{id}"))
+}
+
+fn known(kind: &str) -> Option<(&'static str, &'static str)> {
+    match kind {
+        Reconstructions::KIND => Some((Reconstructions::NOUN, Reconstructions::PATH)),
+        Sheets::KIND => Some((Sheets::NOUN, Sheets::PATH)),
+        _ => None,
     }
 }
 
@@ -156,11 +176,7 @@ pub(super) async fn list<R: Resource, B: Serialize>(
     Listing { parameters, caller }: Listing,
     body: impl FnOnce(Vec<R::View>, Option<String>) -> B,
 ) -> Result<Response, Problem> {
-    let limit = parameters.limit.unwrap_or(DEFAULT_LIMIT);
-    if !(1..=MAX_LIMIT).contains(&limit) {
-        let detail = format!("`limit` is {limit}; give 1 to {MAX_LIMIT}");
-        return Err(Problem::new(INVALID_QUERY, detail).parameter("limit"));
-    }
+    let limit = limit_of(parameters.limit)?;
     let before = parameters.cursor.as_deref().map(cursor).transpose()?;
     let state = parameters.state.map(Into::into);
     let tenant = Some(caller.tenant.clone());
@@ -189,7 +205,18 @@ pub(super) async fn list<R: Resource, B: Serialize>(
     Ok(response)
 }
 
-fn cursor(text: &str) -> Result<JobId, Problem> {
+/// How many entries a part of a list has at most.
+pub(super) fn limit_of(given: Option<u32>) -> Result<u32, Problem> {
+    let limit = given.unwrap_or(DEFAULT_LIMIT);
+    if (1..=MAX_LIMIT).contains(&limit) {
+        return Ok(limit);
+    }
+    let detail = format!("`limit` is {limit}; give 1 to {MAX_LIMIT}");
+    Err(Problem::new(INVALID_QUERY, detail).parameter("limit"))
+}
+
+/// Where a part of a list begins.
+pub(super) fn cursor(text: &str) -> Result<JobId, Problem> {
     text.parse().map_err(|_| {
         let detail = "`cursor` must come from the `next` of an earlier answer";
         Problem::new(INVALID_QUERY, detail).parameter("cursor")

@@ -19,7 +19,10 @@ use super::layers;
 use super::openapi::Description;
 use super::problem::{METHOD_NOT_ALLOWED, NOT_FOUND, Problem};
 use super::state::{Api, ApiState};
-use super::{HttpLimits, access, drawn_pages, guard, health, pages, reconstructions, sheets, web};
+use super::{
+    HttpLimits, access, drawn_pages, guard, health, links, pages, reconstructions, sheets, web,
+    webhooks,
+};
 
 /// The whole interface over `state`.
 pub fn router(state: ApiState, limits: &HttpLimits) -> Router {
@@ -74,8 +77,17 @@ fn quick_routes() -> OpenApiRouter<Arc<Api>> {
         .routes(paths!(sheets::delete))
         .routes(paths!(sheets::patch))
         .routes(paths!(drawn_pages::delete))
+        .routes(paths!(drawn_pages::list))
         .routes(paths!(sheets::cancel))
         .routes(paths!(sheets::artifacts))
+        .routes(paths!(reconstructions::link))
+        .routes(paths!(sheets::link))
+        .routes(paths!(reconstructions::deliveries))
+        .routes(paths!(reconstructions::redeliver))
+        .routes(paths!(sheets::deliveries))
+        .routes(paths!(sheets::redeliver))
+        .routes(paths!(webhooks::get, webhooks::put))
+        .routes(paths!(webhooks::new_secret))
         .routes(paths!(pages::options))
         .routes(paths!(pages::sheet_options))
         .routes(paths!(pages::description))
@@ -119,6 +131,7 @@ fn content_routes() -> OpenApiRouter<Arc<Api>> {
         .routes(paths!(sheets::artifact))
         .routes(paths!(drawn_pages::get))
         .routes(paths!(drawn_pages::file))
+        .routes(paths!(links::follow))
 }
 
 /// The web page, which is no part of the described interface.

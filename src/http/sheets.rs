@@ -11,6 +11,7 @@ use axum::response::Response;
 use super::Api;
 use super::artifacts::{self, IdAndName};
 use super::events;
+use super::links::{self, Link, NewLink};
 use super::openapi::problem_responses;
 use super::problem::*;
 use super::representation::ArtifactList;
@@ -18,6 +19,7 @@ use super::resource::{self, Id, ListParameters, Listing, Resource};
 use super::sheet_representation::{Sheet, SheetList};
 use super::tags::Changes;
 use super::upload::{self, ModelForm};
+use super::webhooks::{self, DeliveryId, DeliveryList};
 use crate::kinds::DRAWING;
 
 /// Models on their way to a drawn sheet.
@@ -38,12 +40,14 @@ problem_responses! {
         INVALID_MODEL, UNSUPPORTED_MODEL, EXTERNAL_REFERENCE, CAMERA_INSIDE_MODEL,
         TOO_MANY_VIEWS, SHEET_TOO_LARGE, UNKNOWN_OPTION, INVALID_OPTION, REQUEST_TIMEOUT, BUSY,
         UNAVAILABLE, INSUFFICIENT_STORAGE, INVALID_QUERY, INVALID_IDEMPOTENCY_KEY,
-        IDEMPOTENCY_KEY_REUSED, IDEMPOTENT_JOB_GONE, TOO_MANY_JOBS
+        IDEMPOTENCY_KEY_REUSED, IDEMPOTENT_JOB_GONE, TOO_MANY_JOBS, INVALID_WEBHOOK, NO_WEBHOOK_SECRET, TENANT_FULL
 }
 problem_responses! { JobProblems: UNKNOWN_SHEET, UNAVAILABLE }
 problem_responses! { StreamProblems: UNKNOWN_SHEET, BUSY, UNAVAILABLE }
 problem_responses! { ListProblems: INVALID_QUERY, UNAVAILABLE }
 problem_responses! { CancelProblems: UNKNOWN_SHEET, ALREADY_FINISHED, UNAVAILABLE }
+problem_responses! { NewLinkProblems: UNKNOWN_SHEET, UNKNOWN_ARTIFACT, INVALID_BODY, UNAVAILABLE }
+problem_responses! { RedeliverProblems: UNKNOWN_SHEET, UNKNOWN_DELIVERY, UNAVAILABLE }
 problem_responses! { DeleteProblems: UNKNOWN_SHEET, UNAVAILABLE }
 problem_responses! { PatchProblems: UNKNOWN_SHEET, INVALID_BODY, UNAVAILABLE }
 problem_responses! {
@@ -68,6 +72,8 @@ problem_responses! {
          description = "What it is found by: NAME:TEXT pairs, 16 at most"),
         ("expires_in" = Option<i64>, Query, minimum = 0, maximum = 316_224_000,
          description = "Seconds until it is deleted by itself, once it has ended"),
+        ("webhook" = Option<String>, Query, max_length = 2048, example = "https://studio.example/hook",
+         description = "Where its end is told, in place of the tenant's address"),
         ("pinned" = Option<bool>, Query, description = "Whether it stays although its time is over"),
         ("Idempotency-Key" = Option<String>, Header, max_length = 255, example = "8e03978e-40d5",
          description = "A name for this upload: sent again within a day with the same key, it is answered as the first time and becomes no second job"),
@@ -278,4 +284,57 @@ pub(super) async fn artifact(
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     artifacts::named::<Sheets>(&api, path, &method, &headers).await
+}
+
+/// Make a link to a result of a sheet that needs no key.
+///
+/// It ends by itself, and with the sheet.
+#[utoipa::path(
+    post,
+    path = "/v1/sheets/{id}/links",
+    operation_id = "link_sheet",
+    tag = "artifacts",
+    params(("id" = String, Path, format = "uuid", description = "The sheet")),
+    request_body = NewLink,
+    responses((status = 201, description = "Made", body = Link), NewLinkProblems)
+)]
+pub(super) async fn link(
+    State(api): State<Arc<Api>>,
+    id: Id<Sheets>,
+    given: Result<Json<NewLink>, JsonRejection>,
+) -> Result<(StatusCode, Json<Link>), Problem> {
+    links::create::<Sheets>(&api, id.0, given).await
+}
+
+/// List the messages about the end of a sheet.
+#[utoipa::path(
+    get,
+    path = "/v1/sheets/{id}/deliveries",
+    operation_id = "sheet_deliveries",
+    tag = "webhooks",
+    params(("id" = String, Path, format = "uuid", description = "The sheet")),
+    responses((status = 200, description = "Oldest first, each with its tries", body = DeliveryList), JobProblems)
+)]
+pub(super) async fn deliveries(
+    State(api): State<Arc<Api>>,
+    id: Id<Sheets>,
+) -> Result<Json<DeliveryList>, Problem> {
+    webhooks::list::<Sheets>(&api, id.0).await
+}
+
+/// Send a message about the end of a sheet anew.
+#[utoipa::path(
+    post,
+    path = "/v1/sheets/{id}/deliveries/{delivery}/redeliver",
+    operation_id = "redeliver_sheet",
+    tag = "webhooks",
+    params(("id" = String, Path, format = "uuid", description = "The sheet"),
+           ("delivery" = String, Path, format = "uuid", description = "The message")),
+    responses((status = 202, description = "Will be sent soon", body = DeliveryList), RedeliverProblems)
+)]
+pub(super) async fn redeliver(
+    State(api): State<Arc<Api>>,
+    id: DeliveryId<Sheets>,
+) -> Result<(StatusCode, Json<DeliveryList>), Problem> {
+    webhooks::redeliver::<Sheets>(&api, id).await
 }

@@ -8,7 +8,8 @@ use tokio_util::sync::CancellationToken;
 
 use super::streams::Streams;
 use super::upload::{Budget, Decoders};
-use super::{Access, Guard, HttpLimits};
+use super::{Access, Guard, HttpLimits, LinkKey};
+use crate::outbound::Outbound;
 use jobs::JobStore;
 use jobs::bytes::ByteStore;
 
@@ -25,6 +26,10 @@ pub struct ApiState {
     pub max_attempts: u32,
     /// Who may use the service.
     pub access: Access,
+    /// Whom the service may call.
+    pub outbound: Arc<Outbound>,
+    /// What links to artifacts are signed with.
+    pub link_key: LinkKey,
     /// Which requests are meant for the service.
     pub guard: Guard,
     /// Uploads are refused and readiness denied: the service is about to stop.

@@ -38,6 +38,9 @@ fn describe() {
         "From a request's header to its answer's header"
     );
     describe_gauge!("turnaround_jobs", "Stored jobs by state");
+    describe_gauge!("turnaround_stored_bytes", Unit::Bytes, "Of all jobs and pages");
+    describe_gauge!("turnaround_disk_free_bytes", Unit::Bytes, "Left on the data folder's disk");
+    describe_gauge!("turnaround_disk_budget_bytes", Unit::Bytes, "What may be stored");
 }
 
 /// Counts and times a request. Routes are labels, not paths: ids would make a

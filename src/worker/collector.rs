@@ -45,8 +45,8 @@ pub(super) async fn keep(config: WorkerConfig, store: Arc<dyn JobStore>, bytes: 
             Ok(jobs) => tracing::warn!(jobs, "leases had ended"),
             Err(error) => tracing::error!(%error, "could not look for ended leases"),
         }
-        if let Err(error) = expire(store.as_ref(), &bytes).await {
-            tracing::error!(%error, "could not delete jobs whose time is over");
+        if let Err(error) = retain(store.as_ref(), &bytes, config.make_room).await {
+            tracing::error!(%error, "could not delete what is not to be kept");
         }
         if Instant::now() >= collect_at {
             collect_at = Instant::now() + config.collect_interval;
@@ -68,11 +68,27 @@ pub(super) async fn keep(config: WorkerConfig, store: Arc<dyn JobStore>, bytes: 
     }
 }
 
-/// Deletes jobs whose time is over, with their bytes.
-async fn expire(store: &dyn JobStore, bytes: &ByteStore) -> Result<(), CollectError> {
+/// Deletes jobs and pages whose time is over, and what ended longest ago if more
+/// than `make_room` bytes are stored; with their bytes.
+async fn retain(
+    store: &dyn JobStore,
+    bytes: &ByteStore,
+    make_room: Option<u64>,
+) -> Result<(), CollectError> {
+    for id in store.unmeasured().await? {
+        store.measured(id, bytes.stored(id).await?).await?;
+    }
     for id in store.expire().await? {
-        tracing::info!(target: "audit", job = %id, "its time was over");
+        tracing::info!(target: "audit", %id, "its time was over");
         bytes.delete_job(id).await?;
+    }
+    if let Some(most) = make_room
+        && store.stored_bytes(None).await? > most
+    {
+        for id in store.make_room(most).await? {
+            tracing::info!(target: "audit", %id, "deleted to make room");
+            bytes.delete_job(id).await?;
+        }
     }
     Ok(())
 }

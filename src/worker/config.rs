@@ -27,6 +27,8 @@ pub struct WorkerConfig {
     /// this old. `None` keeps them: a database that was lost or put back from a
     /// copy does not know all that it should.
     pub collect_unknown_after: Option<Duration>,
+    /// Above as many stored bytes what ended longest ago is deleted. `None` keeps it.
+    pub make_room: Option<u64>,
     /// The least time between two progress writes of a job.
     pub progress_interval: Duration,
     /// How long one attempt at a job may take.
@@ -48,6 +50,7 @@ impl Default for WorkerConfig {
             collect_interval: Duration::from_secs(600),
             collect_after: Duration::from_secs(3600),
             collect_unknown_after: None,
+            make_room: None,
             progress_interval: Duration::from_millis(100),
             max_job_time: Duration::from_secs(600),
             retry_pause: Duration::from_secs(2),

@@ -58,6 +58,10 @@ pub enum ArtifactName {
     Solid,
     /// The same, quads where they fit.
     SolidObj,
+    /// The same as triangles, binary STL, millimetres.
+    SolidStl,
+    /// The same as triangles, 3MF, millimetres.
+    SolidThreeMf,
     /// The same with the drawings projected on it.
     Textured,
     /// A shaded picture of the mesh from three sides.
@@ -92,6 +96,8 @@ impl ArtifactName {
             Self::Cloud => "model/ply",
             Self::Hull | Self::Solid | Self::Textured => "model/gltf-binary",
             Self::SolidObj => "model/obj",
+            Self::SolidStl => "model/stl",
+            Self::SolidThreeMf => "model/3mf",
             Self::Bundle => "application/zip",
         }
     }
@@ -127,6 +133,8 @@ impl fmt::Display for ArtifactName {
             Self::Hull => f.write_str("hull.glb"),
             Self::Solid => f.write_str("solid.glb"),
             Self::SolidObj => f.write_str("solid.obj"),
+            Self::SolidStl => f.write_str("solid.stl"),
+            Self::SolidThreeMf => f.write_str("solid.3mf"),
             Self::Textured => f.write_str("textured.glb"),
             Self::Thumbnail => f.write_str("thumbnail.png"),
             Self::Metrics => f.write_str("metrics.json"),

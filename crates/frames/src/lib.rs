@@ -9,11 +9,13 @@
 //! Azimuths turn the camera about Z: at 90 degrees the subject's left side is
 //! seen.
 
+mod axes;
 mod azimuth;
 mod azimuth_list;
 mod placement;
 mod up_axis;
 
+pub use axes::{FileAxes, FileUp, Forward};
 pub use azimuth::{Azimuth, NotFinite};
 pub use azimuth_list::AzimuthList;
 pub use placement::{ExportOptions, Origin, Placement};

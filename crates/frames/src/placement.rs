@@ -4,6 +4,8 @@ use nalgebra::{Point3, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::{FileAxes, FileUp, Forward, UpAxis};
+
 /// Where the exported mesh stands.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -27,11 +29,30 @@ pub struct ExportOptions {
     #[schemars(range(min = 0.001, max = 1000000.0))]
     pub pixels_per_metre: Option<f64>,
     pub origin: Origin,
+    /// Which axis points up in OBJ, STL and 3MF; glTF says it itself.
+    pub up_axis: FileUp,
+    /// Which way the subject looks in OBJ, STL and 3MF: along another axis than
+    /// the one that points up.
+    pub forward: Forward,
+}
+
+impl ExportOptions {
+    /// The turn to a file whose format leaves open which axis is up; `auto` says
+    /// which, unless the options do. `None` if the subject would look up or down.
+    pub fn file_axes(&self, auto: UpAxis) -> Option<FileAxes> {
+        FileAxes::new(self.up_axis, self.forward, auto)
+    }
 }
 
 impl Default for ExportOptions {
     fn default() -> Self {
-        Self { height_m: 1.8, pixels_per_metre: None, origin: Origin::default() }
+        Self {
+            height_m: 1.8,
+            pixels_per_metre: None,
+            origin: Origin::default(),
+            up_axis: FileUp::default(),
+            forward: Forward::default(),
+        }
     }
 }
 

@@ -84,6 +84,12 @@ pub struct TenantLimits {
     /// Event streams open at a time.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_streams: Option<u32>,
+    /// Bytes stored for jobs and pages: uploads are refused above.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_bytes: Option<u64>,
+    /// Seconds after which jobs and pages are deleted that do not say it themselves.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub expires_in: Option<u32>,
 }
 
 /// Somebody whose jobs nobody else sees.
@@ -252,6 +258,10 @@ pub trait AccessStore: Send + Sync {
 
     /// The key that `text` is, unless it was revoked. Compared in constant time.
     async fn authenticate(&self, text: &KeyText) -> Result<Option<ApiKey>, StoreError>;
+
+    /// A secret of the service itself, made when it is first asked for: 256
+    /// random bits in lower-case hexadecimal, the same for all processes.
+    async fn secret(&self, name: &str) -> Result<String, StoreError>;
 
     /// Whether there is a key that was not revoked.
     async fn has_keys(&self) -> Result<bool, StoreError>;

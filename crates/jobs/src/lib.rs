@@ -12,19 +12,25 @@ mod clock;
 mod pages;
 mod record;
 mod sqlite;
+mod storage;
 mod store;
 mod types;
+mod webhooks;
 
 pub use access::{
     AccessStore, ApiKey, InvalidKey, InvalidTenantName, KeyText, NewKey, Scope, Tenant,
     TenantLimits, TenantName,
 };
 pub use clock::{Clock, ManualClock, SystemClock, Uptime};
-pub use pages::{PageStore, StoredPage};
+pub use pages::{NewPage, PageStore, StoredPage};
 pub use sqlite::SqliteStore;
+pub use storage::StorageStore;
 pub use store::{JobStore, StoreError};
 pub use types::{
     ATTEMPTS_EXHAUSTED, ArtifactEntry, Claim, Event, EventKind, Failure, Heartbeat, Idempotency,
     Job, JobChange, JobCounts, JobId, JobState, LEASE_EXPIRED, ListQuery, NewJob, Page, Tags,
     UNREADABLE,
+};
+pub use webhooks::{
+    Delivery, DeliveryAttempt, DeliveryState, Ended, WebhookStore, new_webhook_secret,
 };

@@ -23,6 +23,25 @@ pub struct StoredPage {
     pub created_at: Timestamp,
     /// When it was changed last.
     pub changed_at: Timestamp,
+    /// When it is deleted by itself.
+    pub expires_at: Option<Timestamp>,
+}
+
+/// A page to be stored.
+#[derive(Clone, Debug)]
+pub struct NewPage {
+    /// Its name.
+    pub id: JobId,
+    /// Whose it is.
+    pub tenant: TenantName,
+    /// What it holds, apart from stored bytes.
+    pub content: Value,
+    /// Stored bytes that it takes.
+    pub bytes: u64,
+    /// How many bytes may be stored for its tenant, these among them.
+    pub max_bytes: Option<u64>,
+    /// When it is deleted by itself.
+    pub expires_at: Option<Timestamp>,
 }
 
 /// Durable pages. Every method is one transaction; when it returns, its effect
@@ -30,12 +49,18 @@ pub struct StoredPage {
 #[async_trait]
 pub trait PageStore: Send + Sync {
     /// Stores a new page.
-    async fn add_page(
+    ///
+    /// # Errors
+    /// [`StoreError::TooManyBytes`] if its tenant stores too much.
+    async fn add_page(&self, page: NewPage) -> Result<StoredPage, StoreError>;
+
+    /// The tenant's pages older than `before`, newest first, `limit` at most.
+    async fn pages(
         &self,
-        id: JobId,
         tenant: &TenantName,
-        content: Value,
-    ) -> Result<StoredPage, StoreError>;
+        before: Option<JobId>,
+        limit: u32,
+    ) -> Result<Vec<StoredPage>, StoreError>;
 
     /// The page as it is now.
     ///
@@ -45,6 +70,8 @@ pub trait PageStore: Send + Sync {
 
     /// Replaces the content of a page that is still at `version`.
     ///
+    /// * `bytes`: that it takes now.
+    ///
     /// # Errors
     /// [`StoreError::Changed`] if it is at another by now.
     async fn replace_page(
@@ -52,6 +79,7 @@ pub trait PageStore: Send + Sync {
         id: JobId,
         version: u64,
         content: Value,
+        bytes: u64,
     ) -> Result<StoredPage, StoreError>;
 
     /// Forgets a page; its bytes are ownerless from then on.

@@ -69,6 +69,7 @@ impl Record {
             kind: job.kind,
             priority: job.priority,
             tags: job.tags,
+            webhook: job.webhook,
             payload: job.payload,
             state: JobState::Queued,
             attempt: 0,

@@ -7,6 +7,8 @@ use serde_json::Value;
 use tokio::sync::broadcast;
 
 use super::pages::PageStore;
+use super::storage::StorageStore;
+use super::webhooks::WebhookStore;
 use super::{
     ArtifactEntry, Claim, Event, Failure, Heartbeat, Idempotency, Job, JobChange, JobCounts, JobId,
     JobState, ListQuery, NewJob, Page, Tags, TenantName,
@@ -40,6 +42,14 @@ pub enum StoreError {
         tenant: TenantName,
         /// How many may wait.
         most: u32,
+    },
+    /// As many bytes are stored for the tenant as may be.
+    #[error("tenant {tenant} may store {most} bytes")]
+    TooManyBytes {
+        /// Whose they are.
+        tenant: TenantName,
+        /// How many may be stored.
+        most: u64,
     },
     /// There is no such tenant.
     #[error("there is no tenant {0}")]
@@ -80,12 +90,13 @@ pub enum StoreError {
     Backend(#[source] Box<dyn std::error::Error + Send + Sync>),
 }
 
-/// A durable queue of jobs, and the pages that they may take as sources. Every method is one transaction; when it returns,
-/// its effect survives a crash of process and machine.
+/// A durable queue of jobs, the pages that they may take as sources, and the
+/// messages that tell of their ends. Every method is one transaction; when it
+/// returns, its effect survives a crash of process and machine.
 ///
 /// `tests/it/suite.rs` is the suite that every implementation passes.
 #[async_trait]
-pub trait JobStore: PageStore {
+pub trait JobStore: PageStore + WebhookStore + StorageStore {
     /// Adds a job in state queued. If its idempotency key came with the same
     /// upload in the last day, the job that this became is returned instead, and
     /// nothing is added.
@@ -93,6 +104,7 @@ pub trait JobStore: PageStore {
     /// # Errors
     /// [`StoreError::NoTenant`] if its tenant is not there,
     /// [`StoreError::TooManyQueued`] if too many of its jobs wait,
+    /// [`StoreError::TooManyBytes`] if it stores too much,
     /// [`StoreError::OtherUpload`] if the key came with another upload,
     /// [`StoreError::NotFound`] if the job that it became is deleted.
     async fn enqueue(&self, job: NewJob) -> Result<Job, StoreError>;
@@ -197,10 +209,6 @@ pub trait JobStore: PageStore {
     /// Cancels a job that runs, and has it deleted when it has ended. `false` if
     /// it does not run.
     async fn delete_when_ended(&self, id: JobId) -> Result<bool, StoreError>;
-
-    /// Forgets the jobs that have ended and whose time is over, and those that
-    /// were to be deleted when they have. Returns them: their bytes may go.
-    async fn expire(&self) -> Result<Vec<JobId>, StoreError>;
 
     /// Forgets a job and its events.
     ///

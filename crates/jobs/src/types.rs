@@ -111,8 +111,14 @@ pub struct NewJob {
     pub max_attempts: u32,
     /// How many jobs of its tenant may wait, this one among them.
     pub max_queued: Option<u32>,
+    /// Stored bytes that it takes until it succeeds.
+    pub bytes: u64,
+    /// How many bytes may be stored for its tenant, these among them.
+    pub max_bytes: Option<u64>,
     /// What people say of it.
     pub tags: Tags,
+    /// Where its end is told; `None` for its tenant's address.
+    pub webhook: Option<String>,
     /// Given by a client that may send it again.
     pub idempotency: Option<Idempotency>,
 }
@@ -121,10 +127,20 @@ impl NewJob {
     /// A job of the default tenant, as important as any.
     pub fn new(id: JobId, kind: impl Into<String>, payload: Value, max_attempts: u32) -> Self {
         let tenant = TenantName::default();
-        let (max_queued, idempotency) = (None, None);
-        let kind = kind.into();
-        let tags = Tags::default();
-        Self { id, tenant, kind, priority: 0, payload, max_attempts, max_queued, tags, idempotency }
+        Self {
+            id,
+            tenant,
+            kind: kind.into(),
+            priority: 0,
+            payload,
+            max_attempts,
+            max_queued: None,
+            bytes: 0,
+            max_bytes: None,
+            tags: Tags::default(),
+            webhook: None,
+            idempotency: None,
+        }
     }
 }
 
@@ -141,6 +157,8 @@ pub struct Job {
     pub priority: i32,
     /// What people say of it.
     pub tags: Tags,
+    /// Where its end is told; `None` for its tenant's address.
+    pub webhook: Option<String>,
     /// What the work needs, apart from stored bytes.
     pub payload: Value,
     /// Where it is in its life.
@@ -266,6 +284,13 @@ pub enum EventKind {
     Failed,
     /// Ended because it was cancelled.
     Cancelled,
+}
+
+impl EventKind {
+    /// Whether it ends the job.
+    pub fn is_final(self) -> bool {
+        matches!(self, Self::Succeeded | Self::Failed | Self::Cancelled)
+    }
 }
 
 /// An entry of a job's log. Numbers start at 1 and have no gaps.

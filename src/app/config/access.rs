@@ -16,7 +16,12 @@ pub(crate) struct AccessConfig {
     /// new service comes up closed; `turnaround keys generate` prints one
     #[arg(long, env = "TURNAROUND_FIRST_KEY_FILE", value_name = "FILE")]
     pub first_key_file: Option<PathBuf>,
-    /// Serve `/metrics` without a key
+    /// File with the secret that links to artifacts are signed with, at least 32
+    /// bytes; unset for one that is made and kept in the database
+    #[arg(long, env = "TURNAROUND_LINK_SECRET_FILE", value_name = "FILE")]
+    pub link_secret_file: Option<PathBuf>,
+    /// Serve `/metrics` without a key; otherwise it needs one of the scope admin,
+    /// for it counts the jobs of all tenants
     #[arg(long, env = "TURNAROUND_OPEN_METRICS")]
     pub open_metrics: bool,
     /// Serve no `/docs`
@@ -31,4 +36,11 @@ pub(crate) struct AccessConfig {
     /// Event streams of each tenant; unset for any
     #[arg(long, env = "TURNAROUND_MAX_TENANT_STREAMS", value_name = "N")]
     pub max_tenant_streams: Option<u32>,
+    /// MiB stored for each tenant; its uploads are refused above; unset for any
+    #[arg(long, env = "TURNAROUND_MAX_TENANT_MIB", value_name = "MIB")]
+    pub max_tenant_mib: Option<u64>,
+    /// Seconds after which jobs that have ended and pages are deleted, unless they
+    /// say otherwise; unset keeps them
+    #[arg(long, env = "TURNAROUND_EXPIRES_IN", value_name = "SECONDS")]
+    pub expires_in: Option<u32>,
 }

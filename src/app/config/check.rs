@@ -10,7 +10,7 @@ impl Config {
     /// # Errors
     /// Says which, why, and what is taken.
     pub(super) fn check(&self) -> Result<()> {
-        let Self { http, workers, limits, .. } = self;
+        let Self { http, workers, limits, outbound, storage, access, .. } = self;
         for origin in &http.cors_origin {
             ensure!(
                 is_origin(origin),
@@ -23,6 +23,16 @@ impl Config {
                 "allowed_host is `{host}`; give a name or address without a port"
             );
         }
+        for host in &outbound.trusted_host {
+            ensure!(
+                is_host(host),
+                "trusted_host is `{host}`; give a name or address without a port"
+            );
+        }
+        ensure!(
+            !storage.make_room || storage.disk_budget_mib.is_some(),
+            "make_room is set, but no disk_budget_mib that says when"
+        );
         for (name, value, range) in [
             ("workers", workers.workers as u64, 1..=256),
             ("threads_per_job", workers.threads_per_job as u64, 0..=1024),
@@ -42,6 +52,9 @@ impl Config {
             ("max_model_mib", limits.max_model_mib as u64, 1..=4096),
             ("max_model_triangles", limits.max_model_triangles as u64, 1..=100_000_000),
             ("max_body_mib", limits.max_body_mib, 1..=65_536),
+            ("disk_budget_mib", storage.disk_budget_mib.unwrap_or(1), 1..=1 << 40),
+            ("max_tenant_mib", access.max_tenant_mib.unwrap_or(1), 1..=1 << 40),
+            ("expires_in", access.expires_in.unwrap_or(1).into(), 1..=316_224_000),
         ] {
             let (least, most) = (range.start(), range.end());
             ensure!(range.contains(&value), "{name} is {value}; give {least} to {most}");

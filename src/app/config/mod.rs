@@ -8,6 +8,7 @@ mod check;
 mod http;
 mod limits;
 mod log;
+mod outbound;
 mod storage;
 mod workers;
 
@@ -15,6 +16,7 @@ pub(super) use access::AccessConfig;
 pub(super) use http::HttpConfig;
 pub(super) use limits::LimitConfig;
 pub(super) use log::{LogConfig, LogFormat};
+pub(super) use outbound::OutboundConfig;
 pub(super) use storage::StorageConfig;
 pub(super) use workers::WorkersConfig;
 
@@ -37,6 +39,9 @@ pub(super) struct Config {
     #[command(flatten)]
     #[serde(flatten)]
     pub access: AccessConfig,
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub outbound: OutboundConfig,
     #[command(flatten)]
     #[serde(flatten)]
     pub storage: StorageConfig,

@@ -15,6 +15,14 @@ pub(crate) struct StorageConfig {
     /// Uploads are taken only while this much is left on the disk, MiB
     #[arg(long, env = "TURNAROUND_MIN_FREE_MIB", value_name = "MIB", default_value_t = 64)]
     pub min_free_mib: u64,
+    /// What may be stored for all jobs and pages together, MiB; uploads are refused
+    /// above; unset for what the disk holds
+    #[arg(long, env = "TURNAROUND_DISK_BUDGET_MIB", value_name = "MIB")]
+    pub disk_budget_mib: Option<u64>,
+    /// When nine tenths of the budget are used, delete what ended longest ago and
+    /// is not pinned, in place of refusing uploads
+    #[arg(long, env = "TURNAROUND_MAKE_ROOM", requires = "disk_budget_mib")]
+    pub make_room: bool,
     /// Start with a new database beside bytes of jobs that it does not know
     #[arg(long, env = "TURNAROUND_ADOPT_BYTES")]
     pub adopt_bytes: bool,

@@ -22,8 +22,10 @@ pub(in crate::http) struct TenantDocument {
 /// What of the service's limits is otherwise for a tenant; what is left out holds
 /// as for all.
 #[derive(Clone, Debug, Default, Serialize, Deserialize, ToSchema)]
-#[serde(default, deny_unknown_fields)]
-#[schema(as = TenantLimits)]
+#[serde(deny_unknown_fields)]
+#[schema(as = TenantLimits, example = json!({
+    "requests_per_second": 50, "max_queued": 500, "max_running": 2, "expires_in": 2_592_000
+}))]
 pub(in crate::http) struct Limits {
     /// Requests a second.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -41,6 +43,14 @@ pub(in crate::http) struct Limits {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     pub max_streams: Option<u32>,
+    /// Bytes stored for jobs and pages: uploads are refused above.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub max_bytes: Option<u64>,
+    /// Seconds after which jobs and pages are deleted that do not say it themselves.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(minimum = 1, nullable = false)]
+    pub expires_in: Option<u32>,
 }
 
 /// A tenant to be made.
@@ -108,17 +118,37 @@ pub(in crate::http) struct KeyList {
 
 impl From<Tenant> for TenantDocument {
     fn from(tenant: Tenant) -> Self {
-        let TenantLimits { requests_per_second, max_queued, max_running, max_streams } =
-            tenant.limits;
-        let limits = Limits { requests_per_second, max_queued, max_running, max_streams };
+        let TenantLimits {
+            requests_per_second,
+            max_queued,
+            max_running,
+            max_streams,
+            max_bytes,
+            expires_in,
+        } = tenant.limits;
+        let limits = Limits {
+            requests_per_second,
+            max_queued,
+            max_running,
+            max_streams,
+            max_bytes,
+            expires_in,
+        };
         Self { name: tenant.name.to_string(), created_at: tenant.created_at, limits }
     }
 }
 
 impl From<Limits> for TenantLimits {
     fn from(limits: Limits) -> Self {
-        let Limits { requests_per_second, max_queued, max_running, max_streams } = limits;
-        Self { requests_per_second, max_queued, max_running, max_streams }
+        let Limits {
+            requests_per_second,
+            max_queued,
+            max_running,
+            max_streams,
+            max_bytes,
+            expires_in,
+        } = limits;
+        Self { requests_per_second, max_queued, max_running, max_streams, max_bytes, expires_in }
     }
 }
 

@@ -28,6 +28,8 @@ use jobs::{AccessStore, KeyText, Scope, StoreError, TenantLimits, TenantName};
 
 /// What is under this is for keys of the scope admin.
 const ADMIN: &str = "/v1/admin";
+/// Addresses of receivers are often secrets themselves: not for keys that only look.
+const WEBHOOK: &str = "/v1/webhook";
 /// How long a key that was looked up is taken as it was; one that is revoked by
 /// another process works for as long.
 const FRESH: Duration = Duration::from_secs(1);
@@ -126,7 +128,8 @@ impl Access {
     /// The scope that a request needs; `None` if it is open to everybody.
     fn needed(&self, method: &Method, path: &str) -> Result<Option<Scope>, Problem> {
         if path == "/metrics" {
-            return Ok((!self.open_metrics).then_some(Scope::Read));
+            // They count the jobs of all tenants.
+            return Ok((!self.open_metrics).then_some(Scope::Admin));
         }
         if (path == "/docs" || path.starts_with("/docs/")) && !self.docs {
             return Err(Problem::new(NOT_FOUND, "the documentation is switched off here"));
@@ -136,8 +139,11 @@ impl Access {
         }
         let is_admin =
             path.strip_prefix(ADMIN).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'));
+        let is_webhook =
+            path.strip_prefix(WEBHOOK).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'));
         Ok(Some(match *method {
             _ if is_admin => Scope::Admin,
+            _ if is_webhook => Scope::Write,
             Method::GET | Method::HEAD | Method::OPTIONS => Scope::Read,
             _ => Scope::Write,
         }))
@@ -217,6 +223,8 @@ impl Gate {
             max_queued: own.max_queued.or(all.max_queued),
             max_running: own.max_running,
             max_streams: own.max_streams.or(all.max_streams),
+            max_bytes: own.max_bytes.or(all.max_bytes),
+            expires_in: own.expires_in.or(all.expires_in),
         })
     }
 

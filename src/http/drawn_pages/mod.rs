@@ -3,6 +3,7 @@
 
 mod cut;
 mod document;
+mod list;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -21,27 +22,30 @@ use serde_json::Value;
 use self::cut::{Cut, Searched};
 pub(super) use self::document::PageContent;
 use self::document::{PageEdit, PageView, figure_file, picture_file};
+pub(super) use self::list::*;
 use super::Api;
 use super::access::Caller;
 use super::conditional::{is_known, is_unwanted};
 use super::openapi::problem_responses;
 use super::problem::*;
 use super::upload::{self, Document, EditForm, FilePart, PageForm, image_problem};
+use jiff::{SignedDuration, Timestamp};
 use jobs::bytes::{ByteError, Key};
-use jobs::{JobId, StoreError, StoredPage};
+use jobs::{JobId, NewPage, StoreError, StoredPage};
 
 problem_responses! {
     CreateProblems: UNSUPPORTED_MEDIA_TYPE, MALFORMED_MULTIPART, INVALID_PART_NAME, INVALID_JSON,
         BODY_TOO_LARGE, PART_TOO_LARGE, TOO_MANY_PIXELS, TOO_MANY_VIEWS, MISSING_PART, UNKNOWN_PART,
         DUPLICATE_PART, DUPLICATE_AZIMUTH, INVALID_ANGLE, EMPTY_FILE, NO_FIGURE,
-        WRONG_NUMBER_OF_FIGURES, NOT_AN_IMAGE, DAMAGED_IMAGE, REQUEST_TIMEOUT, BUSY, UNAVAILABLE
+        WRONG_NUMBER_OF_FIGURES, NOT_AN_IMAGE, DAMAGED_IMAGE, REQUEST_TIMEOUT, BUSY, UNAVAILABLE,
+        INSUFFICIENT_STORAGE, TENANT_FULL
 }
 problem_responses! {
     ReplaceProblems: UNSUPPORTED_MEDIA_TYPE, MALFORMED_MULTIPART, INVALID_PART_NAME, INVALID_JSON,
         INVALID_PAGE, BODY_TOO_LARGE, PART_TOO_LARGE, TOO_MANY_PIXELS, TOO_MANY_VIEWS,
         MISSING_PART, UNKNOWN_PART, DUPLICATE_PART, DUPLICATE_AZIMUTH, INVALID_ANGLE,
         DIFFERING_SIZES, EMPTY_FILE, NO_FIGURE, NOT_AN_IMAGE, DAMAGED_IMAGE, UNKNOWN_PAGE,
-        PRECONDITION_FAILED, REQUEST_TIMEOUT, BUSY, UNAVAILABLE
+        PRECONDITION_FAILED, REQUEST_TIMEOUT, BUSY, UNAVAILABLE, INSUFFICIENT_STORAGE, TENANT_FULL
 }
 problem_responses! { PageProblems: UNKNOWN_PAGE, UNAVAILABLE }
 
@@ -98,22 +102,23 @@ pub(super) async fn create(
     Extension(caller): Extension<Arc<Caller>>,
     request: Request,
 ) -> Result<Response, Problem> {
-    let ((sources, cut), _hold) = upload::read_and(&api, request, async |form: PageForm| {
-        let (files, azimuths) = form.into_parts();
-        if files.is_empty() {
-            let detail = "no page was sent; add -F page=@sheet.png";
-            return Err(Problem::new(MISSING_PART, detail).part("page"));
-        }
-        let azimuths = upload::azimuth_part(azimuths.as_deref())?;
-        let limits = api.limits;
-        let cut = api.decoders.run(move || {
-            let (pictures, proposals) = upload::search(&files, azimuths.as_deref(), &limits)?;
-            let cut = Searched { pictures, proposals }.as_proposed()?;
-            Ok((files, cut))
-        });
-        cut.await?
-    })
-    .await?;
+    let ((sources, cut), _hold) =
+        upload::read_and(&api, &caller, request, async |form: PageForm| {
+            let (files, azimuths) = form.into_parts();
+            if files.is_empty() {
+                let detail = "no page was sent; add -F page=@sheet.png";
+                return Err(Problem::new(MISSING_PART, detail).part("page"));
+            }
+            let azimuths = upload::azimuth_part(azimuths.as_deref())?;
+            let limits = api.limits;
+            let cut = api.decoders.run(move || {
+                let (pictures, proposals) = upload::search(&files, azimuths.as_deref(), &limits)?;
+                let cut = Searched { pictures, proposals }.as_proposed()?;
+                Ok((files, cut))
+            });
+            cut.await?
+        })
+        .await?;
     let id = JobId::new();
     let originals = sources.into_iter().enumerate().map(|(k, bytes)| (original(k), bytes));
     let stored = async {
@@ -121,7 +126,17 @@ pub(super) async fn create(
         let files = originals.chain(versioned(1, files)).collect();
         api.state.store.expect_bytes(id).await?;
         upload::write_inputs(&api.state.bytes, id, files).await?;
-        Ok(api.state.store.add_page(id, &caller.tenant, stored_content(&content)?).await?)
+        let stays =
+            caller.limits.expires_in.map(|seconds| SignedDuration::from_secs(seconds.into()));
+        let page = NewPage {
+            id,
+            tenant: caller.tenant.clone(),
+            content: stored_content(&content)?,
+            bytes: api.state.bytes.stored(id).await?,
+            max_bytes: caller.limits.max_bytes,
+            expires_at: stays.map(|stays| Timestamp::now() + stays),
+        };
+        Ok(api.state.store.add_page(page).await?)
     };
     let stored: Result<StoredPage, Problem> = stored.await;
     if stored.is_err()
@@ -209,7 +224,7 @@ pub(super) async fn replace(
         let detail = format!("the page is at version {}; get it again", stored.version);
         return Err(Problem::new(PRECONDITION_FAILED, detail));
     }
-    let (edit, masks, _hold) = read_edit(&api, request).await?;
+    let (edit, masks, _hold) = read_edit(&api, &caller, request).await?;
     let mut kept = Vec::new();
     for (number, figure) in edit.figures.iter().enumerate() {
         if figure.mask_given && !masks.contains_key(&number) {
@@ -225,16 +240,19 @@ pub(super) async fn replace(
         }
     }
     let limits = api.limits;
+    let source_bytes: u64 = files.iter().map(|file| file.len() as u64).sum();
     let cut = api.decoders.run(move || {
         let given = decoded_masks(masks, kept, &limits.image)?;
         let (pictures, proposals) = upload::search(&files, None, &limits)?;
         Searched { pictures, proposals }.as_edited(edit.figures, given)
     });
     let Cut { content, files } = cut.await??;
+    let bytes = source_bytes + files.iter().map(|(_, file)| file.len() as u64).sum::<u64>();
     let version = stored.version + 1;
     let files = versioned(version, files).collect();
     upload::write_inputs(&api.state.bytes, id, files).await?;
-    let replaced = api.state.store.replace_page(id, stored.version, stored_content(&content)?);
+    let content = stored_content(&content)?;
+    let replaced = api.state.store.replace_page(id, stored.version, content, bytes);
     let stored = replaced.await.map_err(store_problem)?;
     if let Err(error) = api.state.bytes.delete_inputs(id, &(version - 1).to_string()).await {
         tracing::warn!(%id, %error, "files of a page's earlier version stay until it is deleted");
@@ -345,6 +363,7 @@ fn inner_name(content: &PageContent, name: &str) -> Option<String> {
 
 async fn read_edit(
     api: &Api,
+    caller: &Caller,
     request: Request,
 ) -> Result<(PageEdit, BTreeMap<usize, FilePart>, Option<tokio::sync::OwnedSemaphorePermit>), Problem>
 {
@@ -360,7 +379,7 @@ async fn read_edit(
         })?;
         return Ok((parse_edit(&Document::of(body, "document")?)?, BTreeMap::new(), None));
     }
-    let read = upload::read_and(api, request, async |form: EditForm| {
+    let read = upload::read_and(api, caller, request, async |form: EditForm| {
         let Some(document) = form.document else {
             let detail = "no document was sent; add it as the part `document`";
             return Err(Problem::new(MISSING_PART, detail).part("document"));

@@ -69,6 +69,9 @@ problem_types! {
     MISSING_FILE = UNPROCESSABLE_ENTITY "missing-file",
         "The sheet names a file that was not sent",
         "Send a part with that file name for every picture that the sheet document names.";
+    NOT_FETCHED = UNPROCESSABLE_ENTITY "not-fetched",
+        "A file that is named by URL could not be fetched",
+        "The URL must be https, of a host with a public address, and answer 200 with the file within ten seconds, without redirects. Or send the file itself.";
     DUPLICATE_AZIMUTH = UNPROCESSABLE_ENTITY "duplicate-azimuth",
         "Two views have the same azimuth",
         "Give each angle once. Angles a full turn apart are the same: 360 and 0, or -45 and 315.";
@@ -162,6 +165,15 @@ problem_types! {
     IDEMPOTENT_JOB_GONE = CONFLICT "idempotent-job-gone",
         "The job that this Idempotency-Key became is deleted",
         "The upload was taken before, and its job deleted since. Use a new key to have it made again.";
+    INVALID_WEBHOOK = UNPROCESSABLE_ENTITY "invalid-webhook",
+        "The webhook's address is refused",
+        "Give an https URL of a host with a public address, without a name and password. Who runs the service can let other hosts be called with --trusted-host, and http with --allow-http.";
+    NO_WEBHOOK_SECRET = CONFLICT "no-webhook-secret",
+        "There is no secret to sign messages with",
+        "Make one with POST /v1/webhook/secret and give it to the receiver; then name addresses.";
+    UNKNOWN_DELIVERY = NOT_FOUND "unknown-delivery",
+        "There is no such message",
+        "The job's list of deliveries has the ids of all messages about it.";
     INVALID_BODY = UNPROCESSABLE_ENTITY "invalid-body",
         "The body is not what the operation takes",
         "Send JSON as application/json, as the API description has it.";
@@ -204,6 +216,9 @@ problem_types! {
     UNKNOWN_ARTIFACT = NOT_FOUND "unknown-artifact",
         "There is no such artifact",
         "Artifacts exist once a job has succeeded; which of them depends on the method. Its list of artifacts has their names.";
+    INVALID_LINK = NOT_FOUND "invalid-link",
+        "The link does not open anything",
+        "It has ended, or it is not as it was made. Who has a key can make a new one.";
     METHOD_NOT_ALLOWED = METHOD_NOT_ALLOWED "method-not-allowed",
         "The method is not allowed here",
         "The Allow header lists the methods of this resource.";
@@ -230,7 +245,10 @@ problem_types! {
         "Its database or store cannot be reached, or it is shutting down. Try again after the time in Retry-After.";
     INSUFFICIENT_STORAGE = INSUFFICIENT_STORAGE "insufficient-storage",
         "There is no room left",
-        "The service's disk is full but for what it needs to go on. Deleting jobs makes room, and is always possible.";
+        "The service's disk, or what it may use of it, is full but for what it needs to go on. Deleting jobs and pages makes room, and is always possible.";
+    TENANT_FULL = INSUFFICIENT_STORAGE "tenant-full",
+        "The tenant stores as much as it may",
+        "Delete jobs and pages that are not needed, or let them go by themselves with expires_in. Who runs the service sets the limit.";
     INTERNAL = INTERNAL_SERVER_ERROR "internal",
         "Something went wrong inside the service",
         "This is a fault of the service. Its log has the cause under the id in the X-Request-Id header.";

@@ -141,6 +141,14 @@ impl Problem {
             .header(header::RETRY_AFTER, HeaderValue::from_static("60"))
     }
 
+    /// The tenant has used up its room.
+    pub fn tenant_full(tenant: &str, most: u64) -> Self {
+        let detail = format!(
+            "tenant {tenant} may store {most} bytes, and would store more; delete jobs or pages that are not needed"
+        );
+        Self::new(TENANT_FULL, detail).header(header::RETRY_AFTER, HeaderValue::from_static("60"))
+    }
+
     /// Too much is going on.
     pub fn busy(detail: &str) -> Self {
         Self::new(BUSY, detail).header(header::RETRY_AFTER, HeaderValue::from_static("5"))
@@ -191,6 +199,7 @@ impl From<StoreError> for Problem {
             StoreError::NoKey(_) => Self::new(UNKNOWN_KEY, error.to_string()),
             StoreError::TooManyQueued { .. } => Self::new(TOO_MANY_JOBS, error.to_string())
                 .header(header::RETRY_AFTER, HeaderValue::from_static("10")),
+            StoreError::TooManyBytes { tenant, most } => Self::tenant_full(tenant.as_str(), most),
             StoreError::OtherUpload(key) => Self::new(
                 IDEMPOTENCY_KEY_REUSED,
                 format!("the Idempotency-Key `{key}` came with another upload; use a new one"),

@@ -1,6 +1,7 @@
 //! The files beside an uploaded sheet document, found by their names.
 
 use super::assemble::Picture;
+use super::fetch::is_url;
 use super::parts::FilePart;
 use crate::http::problem::{INVALID_SHEET, MISSING_FILE, Problem, UNKNOWN_PART};
 
@@ -15,9 +16,15 @@ impl Files {
     /// The file that the document calls `name`.
     pub(super) fn take(&mut self, name: &str) -> Result<Picture, Problem> {
         self.take_if_sent(name)?.ok_or_else(|| {
-            let detail = format!(
-                "the sheet names `{name}`, but no such file was sent; add -F 'image=@{name}'"
-            );
+            let detail = if is_url(name) {
+                format!(
+                    "the sheet names `{name}`, and this service fetches nothing; send the file itself, or have fetching allowed with --inputs-by-url"
+                )
+            } else {
+                format!(
+                    "the sheet names `{name}`, but no such file was sent; add -F 'image=@{name}'"
+                )
+            };
             Problem::new(MISSING_FILE, detail).part(name)
         })
     }

@@ -17,6 +17,8 @@ use crate::http::problem::{BODY_TOO_LARGE, MALFORMED_MULTIPART, Problem, REQUEST
 /// How long a refused upload is read on, so that its client gets the answer.
 const DRAIN_TIME: Duration = Duration::from_secs(5);
 
+const BUSY: &str = "too many uploads are being received; try again later";
+
 /// Bytes that all uploads together may hold in memory.
 #[derive(Clone, Debug)]
 pub(crate) struct Budget(Arc<Semaphore>);
@@ -25,6 +27,16 @@ impl Budget {
     pub(crate) fn new(bytes: u64) -> Self {
         let permits = usize::try_from(bytes).unwrap_or(usize::MAX);
         Self(Arc::new(Semaphore::new(permits.min(Semaphore::MAX_PERMITS))))
+    }
+
+    /// A hold on as many bytes, for what does not come in a request's body.
+    pub(super) fn hold(&self, bytes: usize) -> Result<OwnedSemaphorePermit, Problem> {
+        self.take(bytes).map_err(|_| Problem::busy(BUSY))
+    }
+
+    fn take(&self, bytes: usize) -> Result<OwnedSemaphorePermit, IntakeError> {
+        let bytes = u32::try_from(bytes).map_err(|_| IntakeError::Busy)?;
+        self.0.clone().try_acquire_many_owned(bytes).map_err(|_| IntakeError::Busy)
     }
 }
 
@@ -58,9 +70,7 @@ impl Intake {
         if self.received > self.limit {
             return Err(IntakeError::TooLarge { limit: self.limit });
         }
-        let bytes = u32::try_from(chunk.len()).map_err(|_| IntakeError::Busy)?;
-        let permit =
-            self.budget.0.clone().try_acquire_many_owned(bytes).map_err(|_| IntakeError::Busy)?;
+        let permit = self.budget.take(chunk.len())?;
         match &mut self.held {
             Some(held) => held.merge(permit),
             held => *held = Some(permit),
@@ -112,9 +122,7 @@ pub(super) fn multipart_problem(error: multer::Error) -> Problem {
     };
     match cause.downcast_ref::<IntakeError>() {
         Some(IntakeError::TooLarge { limit }) => too_large(*limit),
-        Some(IntakeError::Busy) => {
-            Problem::busy("too many uploads are being received; try again later")
-        }
+        Some(IntakeError::Busy) => Problem::busy(BUSY),
         _ if chain(cause.as_ref()).any(|e| e.is::<TimeoutError>()) => Problem::new(
             REQUEST_TIMEOUT,
             "no more of the body came for too long; send the request again",

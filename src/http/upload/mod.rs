@@ -6,6 +6,7 @@
 
 mod assemble;
 mod document;
+mod fetch;
 mod files;
 mod intake;
 mod matches;
@@ -44,7 +45,7 @@ use self::intake::{Intake, too_large};
 use self::terms::Terms;
 use super::access::Caller;
 use super::problem::{IDEMPOTENT_JOB_GONE, Problem, REQUEST_TIMEOUT, UNSUPPORTED_MEDIA_TYPE};
-use super::{Api, HttpLimits};
+use super::{Api, HttpLimits, webhooks};
 use jobs::bytes::{ByteError, ByteStore, Key};
 use jobs::{Idempotency, Job, JobId, NewJob, StoreError};
 
@@ -76,6 +77,8 @@ pub(super) struct Upload {
     kind: &'static str,
     payload: Value,
     inputs: Inputs,
+    /// On the budget, for what was fetched beside the body.
+    fetched: Option<OwnedSemaphorePermit>,
 }
 
 /// Where a job's inputs come from.
@@ -93,7 +96,7 @@ impl Upload {
     fn new(kind: &'static str, payload: &impl Serialize, inputs: Inputs) -> Result<Self, Problem> {
         let payload = serde_json::to_value(payload);
         let payload = payload.map_err(|error| Problem::internal("payload", &error))?;
-        Ok(Self { kind, payload, inputs })
+        Ok(Self { kind, payload, inputs, fetched: None })
     }
 }
 
@@ -101,9 +104,13 @@ impl Upload {
 pub(super) async fn receive<F: JobForm>(api: &Api, request: Request) -> Result<Job, Problem> {
     let (head, body) = request.into_parts();
     let terms = Terms::of(&head)?;
+    if let Some(url) = &terms.webhook {
+        let checked = webhooks::check(api, &terms.caller.tenant, url).await;
+        checked.map_err(|problem| problem.parameter("webhook"))?;
+    }
     let request = Request::from_parts(head, body);
     let work = async |form: F| form.check(api, &terms.caller).await;
-    let (upload, _hold) = read_and(api, request, work).await?;
+    let (upload, _hold) = read_and(api, &terms.caller, request, work).await?;
     // Beyond the timeout: nobody is told that a job failed to come that did.
     enqueue(api, upload, &terms).await
 }
@@ -112,10 +119,11 @@ pub(super) async fn receive<F: JobForm>(api: &Api, request: Request) -> Result<J
 /// the budget is to be kept as long as the bytes.
 pub(super) async fn read_and<F: Form, T>(
     api: &Api,
+    caller: &Caller,
     request: Request,
     work: impl AsyncFnOnce(F) -> Result<T, Problem>,
 ) -> Result<(T, Option<OwnedSemaphorePermit>), Problem> {
-    expect_room(api, request.headers())?;
+    expect_room(api, caller, request.headers()).await?;
     let (head, body) = request.into_parts();
     let receiving = async {
         let (form, hold) = read_form::<F>(api, &head.headers, body).await?;
@@ -133,7 +141,7 @@ pub(super) async fn read_and<F: Form, T>(
 
 /// Refuses uploads while the service stops and while its disk is about full:
 /// the rest is kept for what makes room and for jobs that run.
-fn expect_room(api: &Api, headers: &HeaderMap) -> Result<(), Problem> {
+async fn expect_room(api: &Api, caller: &Caller, headers: &HeaderMap) -> Result<(), Problem> {
     if api.state.draining.is_cancelled() {
         return Err(Problem::stopping());
     }
@@ -141,9 +149,21 @@ fn expect_room(api: &Api, headers: &HeaderMap) -> Result<(), Problem> {
     let coming = length.and_then(|length| length.parse().ok()).unwrap_or(0);
     let needed = api.limits.min_free_bytes.saturating_add(coming);
     match api.state.bytes.free_bytes()? {
-        Some(free) if free < needed => Err(Problem::full()),
-        _ => Ok(()),
+        Some(free) if free < needed => return Err(Problem::full()),
+        _ => {}
     }
+    let store = &api.state.store;
+    if let Some(most) = api.limits.disk_budget_bytes
+        && store.stored_bytes(None).await?.saturating_add(coming) > most
+    {
+        return Err(Problem::full());
+    }
+    if let Some(most) = caller.limits.max_bytes
+        && store.stored_bytes(Some(&caller.tenant)).await?.saturating_add(coming) > most
+    {
+        return Err(Problem::tenant_full(caller.tenant.as_str(), most));
+    }
+    Ok(())
 }
 
 async fn read_form<F: Form>(
@@ -188,7 +208,7 @@ fn check_head(headers: &HeaderMap, limit: u64) -> Result<String, Problem> {
 }
 
 async fn enqueue(api: &Api, upload: Upload, terms: &Terms) -> Result<Job, Problem> {
-    let Terms { caller, key, priority, tags } = terms;
+    let Terms { caller, key, priority, tags, webhook } = terms;
     let (upload, idempotency) = match key {
         None => (upload, None),
         Some(key) => {
@@ -207,16 +227,20 @@ async fn enqueue(api: &Api, upload: Upload, terms: &Terms) -> Result<Job, Proble
         return Ok(job);
     }
     let id = JobId::new();
-    let Upload { kind, payload, inputs } = upload;
+    let Upload { kind, payload, inputs, fetched: _hold } = upload;
     let stored = async {
         api.state.store.expect_bytes(id).await?;
         store_inputs(api, id, inputs).await?;
+        let bytes = api.state.bytes.stored(id).await?;
         let max_attempts = api.state.max_attempts;
         let job = NewJob {
             tenant: caller.tenant.clone(),
             priority: *priority,
             tags: tags.clone(),
+            webhook: webhook.clone(),
             max_queued: caller.limits.max_queued,
+            bytes,
+            max_bytes: caller.limits.max_bytes,
             idempotency,
             ..NewJob::new(id, kind, payload, max_attempts)
         };

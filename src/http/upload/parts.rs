@@ -10,7 +10,7 @@ use super::matches;
 use super::option_parts::GivenOptions;
 use super::page::PageParts;
 use super::pictures::{check_start, image_problem};
-use super::{Form, Inputs, JobForm, Upload, source, truths};
+use super::{Form, Inputs, JobForm, Upload, fetch, source, truths};
 use crate::http::access::Caller;
 use crate::http::problem::{
     BODY_TOO_LARGE, CONFLICTING_PARTS, DUPLICATE_AZIMUTH, DUPLICATE_PART, EMPTY_FILE,
@@ -210,6 +210,7 @@ impl JobForm for Parts {
             let page = std::mem::take(&mut self.page);
             self.views = page.views(&api.decoders, &api.limits).await?;
         }
+        let fetched = fetch::fetch(api, &mut self).await?;
         let has_matches;
         let (document, source, inputs) = match self.source.take() {
             Some(source) => {
@@ -235,7 +236,7 @@ impl JobForm for Parts {
             }
         };
         let payload = ReconstructionPayload { document, source, page: None, has_matches };
-        Upload::new(RECONSTRUCTION, &payload, inputs)
+        Ok(Upload { fetched, ..Upload::new(RECONSTRUCTION, &payload, inputs)? })
     }
 }
 
@@ -447,7 +448,7 @@ async fn read_file(field: Field<'_>, file: String, max_bytes: u64) -> Result<Fil
     Ok(FilePart { file, bytes })
 }
 
-fn expect_bytes(bytes: &[u8], file: &str) -> Result<(), Problem> {
+pub(super) fn expect_bytes(bytes: &[u8], file: &str) -> Result<(), Problem> {
     if !bytes.is_empty() {
         return Ok(());
     }

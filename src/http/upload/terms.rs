@@ -29,6 +29,8 @@ pub(super) struct Terms {
     pub key: Option<String>,
     pub priority: i32,
     pub tags: Tags,
+    /// Where the job's end is told, not yet checked.
+    pub webhook: Option<String>,
 }
 
 #[derive(Deserialize)]
@@ -41,11 +43,12 @@ struct Parameters {
     expires_in: Option<i64>,
     #[serde(default)]
     pinned: bool,
+    webhook: Option<String>,
 }
 
 impl Terms {
     pub(super) fn of(head: &Parts) -> Result<Self, Problem> {
-        let Query(Parameters { priority, name, labels, expires_in, pinned }) =
+        let Query(Parameters { priority, name, labels, expires_in, pinned, webhook }) =
             Query::try_from_uri(&head.uri)
                 .map_err(|error| Problem::new(INVALID_QUERY, error.body_text()))?;
         if !(-MAX_PRIORITY..=MAX_PRIORITY).contains(&priority) {
@@ -53,8 +56,10 @@ impl Terms {
                 format!("`priority` is {priority}; give -{MAX_PRIORITY} to {MAX_PRIORITY}");
             return Err(Problem::new(INVALID_QUERY, detail).parameter("priority"));
         }
+        let caller = Caller::of(head)?;
+        let expires_in = expires_in.or(caller.limits.expires_in.map(i64::from));
         let tags = tags::of_query(name, labels.as_deref(), expires_in, pinned, Timestamp::now())?;
-        Ok(Self { caller: Caller::of(head)?, key: key(&head.headers)?, priority, tags })
+        Ok(Self { caller, key: key(&head.headers)?, priority, tags, webhook })
     }
 }
 

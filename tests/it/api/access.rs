@@ -81,7 +81,11 @@ async fn ask(
         "/problems/{name}" => "/problems/not-found".to_owned(),
         "/v1/admin/keys/{id}" => "/v1/admin/keys/ta_none".to_owned(),
         _ if path.starts_with("/v1/admin") => path.replace("{name}", "nobody"),
-        _ => path.replace("{id}", &id.to_string()).replace("{name}", name),
+        _ => {
+            let nothing = "00000000-0000-7000-8000-000000000000";
+            let path = path.replace("{id}", &id.to_string()).replace("{name}", name);
+            path.replace("{delivery}", nothing).replace("{collection}", "reconstructions")
+        }
     };
     let request = service.client.request(method.clone(), format!("{}{filled}", service.url));
     let request = with(request, key);
@@ -92,6 +96,8 @@ async fn ask(
         ("POST", "/v1/admin/keys") => {
             request.json(&json!({"tenant": "own", "label": "x", "scope": "read"}))
         }
+        ("POST", _) if path.ends_with("/links") => request.json(&json!({"artifact": name})),
+        ("PUT", "/v1/webhook") => request.json(&json!({"url": null})),
         ("PUT" | "PATCH", _) => request.json(&json!({})),
         _ => request,
     };

@@ -62,6 +62,7 @@ async fn bytes_come_with_their_type_version_and_name() {
     let service = Service::start().await;
     let path = finished(&service).await;
     let href = format!("{path}/artifacts/{DISPARITY}");
+    let end = &path[path.len() - 8..];
     let whole = |method: Method| {
         // A client that takes compressed answers still gets the bytes as they are.
         let request = service.client.request(method, format!("{}{href}", service.url));
@@ -76,7 +77,10 @@ async fn bytes_come_with_their_type_version_and_name() {
             ("content-length", "200000"),
             ("accept-ranges", "bytes"),
             ("etag", &etag),
-            ("content-disposition", "inline; filename=\"views-22.5-disparity.png\""),
+            (
+                "content-disposition",
+                &format!("inline; filename=\"reconstruction-{}-views-22.5-disparity.png\"", end),
+            ),
             ("cache-control", "private, max-age=31536000, immutable"),
             ("x-content-type-options", "nosniff"),
         ] {
@@ -91,7 +95,20 @@ async fn bytes_come_with_their_type_version_and_name() {
     assert_eq!(metrics.text().await.unwrap(), "{\"pairs\":[]}");
     let empty = service.get(&format!("{path}/artifacts/cloud.ply")).send().await.unwrap();
     assert_eq!(header(&empty, "content-length"), Some("0"));
-    assert_eq!(header(&empty, "content-disposition"), Some("attachment; filename=\"cloud.ply\""));
+    let saved = format!("attachment; filename=\"reconstruction-{end}-cloud.ply\"");
+    assert_eq!(header(&empty, "content-disposition"), Some(&*saved));
+    let named = async |name: &str| {
+        let changed = service.client.patch(format!("{}{path}", service.url));
+        changed.json(&serde_json::json!({"name": name})).send().await.unwrap();
+        let cloud = service.get(&format!("{path}/artifacts/cloud.ply")).send().await.unwrap();
+        header(&cloud, "content-disposition").unwrap().to_owned()
+    };
+    assert_eq!(named("Ida 7\"").await, "attachment; filename=\"Ida-7--cloud.ply\"");
+    assert_eq!(
+        named("Bär/../é").await,
+        "attachment; filename=\"B-r-..---cloud.ply\"; filename*=UTF-8''B%C3%A4r-..-%C3%A9-cloud.ply"
+    );
+    named(" ").await;
     for name in ["solid.glb", "../jobs.sqlite", "%2e%2e/jobs.sqlite", "views", "%ff"] {
         let href = format!("{path}/artifacts/{name}");
         let status = service.get(&href).send().await.unwrap().status();

@@ -6,7 +6,10 @@ use std::time::Duration;
 
 use image::{GrayImage, ImageFormat, Luma};
 use jobs::bytes::{ByteStore, Key};
-use jobs::{ArtifactEntry, JobId, JobStore, ListQuery, SqliteStore, SystemClock, TenantLimits};
+use jobs::{
+    AccessStore, ArtifactEntry, JobId, JobStore, KeyText, ListQuery, NewKey, Scope, SqliteStore,
+    SystemClock, TenantLimits, TenantName,
+};
 use reqwest::multipart::{Form, Part};
 use reqwest::{Client, RequestBuilder, Response, StatusCode};
 use serde_json::Value;
@@ -14,7 +17,10 @@ use sha2::{Digest, Sha256};
 use tempfile::TempDir;
 use tokio::net::TcpListener;
 use tokio_util::sync::CancellationToken;
-use turnaround::http::{self, Access, ApiState, Guard, HttpLimits, KeyPolicy, ServerTimeouts};
+use turnaround::http::{
+    self, Access, ApiState, Guard, HttpLimits, KeyPolicy, LinkKey, ServerTimeouts,
+};
+use turnaround::outbound::{Outbound, OutboundPolicy};
 
 pub(crate) const LEASE: Duration = Duration::from_secs(30);
 
@@ -23,6 +29,7 @@ pub(crate) struct Service {
     pub store: Arc<SqliteStore>,
     pub bytes: ByteStore,
     pub client: Client,
+    pub outbound: Arc<Outbound>,
     pub draining: CancellationToken,
     pub shutdown: CancellationToken,
     folder: TempDir,
@@ -39,6 +46,10 @@ impl Service {
         let store = Arc::new(SqliteStore::open(&path, Arc::new(SystemClock)).await.unwrap());
         let bytes = ByteStore::local(&folder.path().join("bytes")).unwrap();
         let (draining, shutdown) = (CancellationToken::new(), CancellationToken::new());
+        // Receivers of tests are on the loopback by this address alone.
+        let policy =
+            OutboundPolicy { trusted_hosts: vec!["127.0.0.1".to_owned()], allow_http: false };
+        let outbound = Arc::new(Outbound::new(policy).unwrap());
         let state = ApiState {
             store: store.clone(),
             bytes: bytes.clone(),
@@ -51,6 +62,8 @@ impl Service {
                 open_metrics: false,
                 docs: true,
             },
+            outbound: outbound.clone(),
+            link_key: LinkKey::new(&store.secret("links").await.unwrap()),
             guard: Guard { origins: vec!["https://studio.example".to_owned()], ..Guard::default() },
             draining: draining.clone(),
             shutdown: shutdown.clone(),
@@ -63,7 +76,16 @@ impl Service {
             async move { http::serve(listener, router, &timeouts, 1000, stop).await.unwrap() },
         );
         let client = Client::builder().no_proxy().build().unwrap();
-        Self { url, store, bytes, client, draining, shutdown, folder }
+        Self { url, store, bytes, client, outbound, draining, shutdown, folder }
+    }
+
+    /// Makes a key, so that nothing is open any more.
+    pub(crate) async fn close(&self) {
+        let (tenant, label) = (TenantName::default(), "test".to_owned());
+        let key = NewKey { tenant, label, scope: Scope::Admin };
+        self.store.add_key(&key, &KeyText::generate()).await.unwrap();
+        // That there are none is remembered for a second.
+        tokio::time::sleep(Duration::from_millis(1100)).await;
     }
 
     pub(crate) fn get(&self, path: &str) -> RequestBuilder {

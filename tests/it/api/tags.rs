@@ -1,6 +1,6 @@
 //! What people say of jobs: names, labels, and how long they stay.
 
-use jobs::JobStore;
+use jobs::{JobStore, StorageStore};
 use reqwest::{Response, StatusCode};
 use serde_json::{Value, json};
 

@@ -6,3 +6,4 @@ mod keys;
 mod process;
 mod settings;
 mod stopping;
+mod webhooks;

@@ -244,6 +244,18 @@ impl ByteStore {
         Ok(latest)
     }
 
+    /// Bytes of all whole objects of a job: inputs, and artifacts of all attempts.
+    pub async fn stored(&self, job: JobId) -> Result<u64, ByteError> {
+        let mut bytes = 0;
+        for folder in [key::inputs_of(job), key::attempts_of(job)] {
+            let mut objects = self.store.list(Some(&folder));
+            while let Some(object) = objects.try_next().await.map_err(from_store)? {
+                bytes += object.size;
+            }
+        }
+        Ok(bytes)
+    }
+
     /// The names directly below `folder` that read as a `T`; others are not ours.
     async fn children<T: std::str::FromStr>(&self, folder: &Path) -> Result<Vec<T>, ByteError> {
         let listing = self.store.list_with_delimiter(Some(folder)).await.map_err(from_store)?;

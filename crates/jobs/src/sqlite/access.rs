@@ -2,6 +2,7 @@
 
 use async_trait::async_trait;
 use jiff::Timestamp;
+use rand::RngCore;
 use sqlx::sqlite::SqliteRow;
 use sqlx::{FromRow, Row};
 use subtle::ConstantTimeEq;
@@ -177,6 +178,22 @@ impl AccessStore for SqliteStore {
         let stored: String = row.try_get("hash").map_err(backend)?;
         let is_same: bool = stored.as_bytes().ct_eq(text.hash().as_bytes()).into();
         is_same.then(|| ApiKey::from_row(&row).map_err(backend)).transpose()
+    }
+
+    async fn secret(&self, name: &str) -> Result<String, StoreError> {
+        let mut bytes = [0; 32];
+        rand::rng().fill_bytes(&mut bytes);
+        let mut transaction = self.begin().await?;
+        sqlx::query("INSERT OR IGNORE INTO secrets (name, secret) VALUES (?1, ?2)")
+            .bind(name)
+            .bind(hex::encode(bytes))
+            .execute(&mut *transaction)
+            .await
+            .map_err(backend)?;
+        let found = sqlx::query_scalar("SELECT secret FROM secrets WHERE name = ?1").bind(name);
+        let found = found.fetch_one(&mut *transaction).await.map_err(backend)?;
+        transaction.commit().await.map_err(backend)?;
+        Ok(found)
     }
 
     async fn has_keys(&self) -> Result<bool, StoreError> {

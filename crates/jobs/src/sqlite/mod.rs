@@ -9,7 +9,9 @@ mod ownerless;
 mod pages;
 mod reserve;
 mod rows;
+mod storage;
 mod store;
+mod webhooks;
 
 use std::fs::File;
 use std::path::Path;
@@ -26,7 +28,7 @@ use tokio::sync::broadcast;
 
 use self::reserve::Reserve;
 use super::record::{Change, Record};
-use super::{Clock, Job, JobChange, JobId, StoreError};
+use super::{Clock, EventKind, Job, JobChange, JobId, StoreError};
 
 static MIGRATIONS: Migrator = sqlx::migrate!("./migrations/sqlite");
 
@@ -142,6 +144,18 @@ impl SqliteStore {
     ) -> Result<Job, StoreError> {
         record.job.version += 1;
         rows::save(&mut transaction, &record).await?;
+        if change.kind == EventKind::Succeeded {
+            let bytes: u64 = record.job.artifacts.iter().map(|artifact| artifact.bytes).sum();
+            sqlx::query("UPDATE jobs SET bytes = bytes + ?2 WHERE id = ?1")
+                .bind(record.job.id.to_string())
+                .bind(bytes.cast_signed())
+                .execute(&mut *transaction)
+                .await
+                .map_err(backend)?;
+        }
+        if change.kind.is_final() {
+            webhooks::tell(&mut transaction, &record.job.id.to_string()).await?;
+        }
         self.finish(transaction, record.job, change).await
     }
 

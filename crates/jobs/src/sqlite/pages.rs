@@ -1,15 +1,16 @@
 //! Pages in the table `pages`.
 
 use async_trait::async_trait;
+use jiff::Timestamp;
 use serde_json::Value;
 use sqlx::SqliteConnection;
 use sqlx::sqlite::SqliteRow;
 use sqlx::{FromRow, Row};
 
 use super::access::tenant_name;
-use super::rows::{json, time};
-use super::{SqliteStore, backend, ownerless};
-use crate::pages::{PageStore, StoredPage};
+use super::rows::{json, optional_time, time};
+use super::{SqliteStore, backend, ownerless, storage};
+use crate::pages::{NewPage, PageStore, StoredPage};
 use crate::{JobId, StoreError, TenantName};
 
 impl<'r> FromRow<'r, SqliteRow> for StoredPage {
@@ -22,6 +23,7 @@ impl<'r> FromRow<'r, SqliteRow> for StoredPage {
             version: row.try_get::<i64, _>("version")?.cast_unsigned(),
             created_at: time(row, "created_ms")?,
             changed_at: time(row, "changed_ms")?,
+            expires_at: optional_time(row, "expires_ms")?,
         })
     }
 }
@@ -37,21 +39,21 @@ async fn load(connection: &mut SqliteConnection, id: JobId) -> Result<StoredPage
 
 #[async_trait]
 impl PageStore for SqliteStore {
-    async fn add_page(
-        &self,
-        id: JobId,
-        tenant: &TenantName,
-        content: Value,
-    ) -> Result<StoredPage, StoreError> {
+    async fn add_page(&self, page: NewPage) -> Result<StoredPage, StoreError> {
+        let NewPage { id, tenant, content, bytes, max_bytes, expires_at } = page;
         let mut transaction = self.begin().await?;
+        storage::expect_room(&mut transaction, &tenant, bytes, max_bytes).await?;
         sqlx::query(
-            "INSERT INTO pages (id, tenant, content, version, created_ms, changed_ms)
-             VALUES (?1, ?4, ?2, 1, ?3, ?3)",
+            "INSERT INTO pages (id, tenant, content, version, created_ms, changed_ms, bytes,
+                 expires_ms)
+             VALUES (?1, ?4, ?2, 1, ?3, ?3, ?5, ?6)",
         )
         .bind(id.to_string())
         .bind(content.to_string())
         .bind(self.clock.now().as_millisecond())
         .bind(tenant.as_str())
+        .bind(bytes.cast_signed())
+        .bind(expires_at.map(Timestamp::as_millisecond))
         .execute(&mut *transaction)
         .await
         .map_err(backend)?;
@@ -59,6 +61,24 @@ impl PageStore for SqliteStore {
         let page = load(&mut transaction, id).await?;
         transaction.commit().await.map_err(backend)?;
         Ok(page)
+    }
+
+    async fn pages(
+        &self,
+        tenant: &TenantName,
+        before: Option<JobId>,
+        limit: u32,
+    ) -> Result<Vec<StoredPage>, StoreError> {
+        sqlx::query_as(
+            "SELECT * FROM pages WHERE tenant = ?1 AND (?2 IS NULL OR id < ?2)
+             ORDER BY id DESC LIMIT ?3",
+        )
+        .bind(tenant.as_str())
+        .bind(before.map(|id| id.to_string()))
+        .bind(limit)
+        .fetch_all(&self.readers)
+        .await
+        .map_err(backend)
     }
 
     async fn page(&self, id: JobId) -> Result<StoredPage, StoreError> {
@@ -71,6 +91,7 @@ impl PageStore for SqliteStore {
         id: JobId,
         version: u64,
         content: Value,
+        bytes: u64,
     ) -> Result<StoredPage, StoreError> {
         let mut transaction = self.begin().await?;
         let found = load(&mut transaction, id).await?.version;
@@ -78,11 +99,13 @@ impl PageStore for SqliteStore {
             return Err(StoreError::Changed { id, version: found });
         }
         sqlx::query(
-            "UPDATE pages SET content = ?2, version = version + 1, changed_ms = ?3 WHERE id = ?1",
+            "UPDATE pages SET content = ?2, version = version + 1, changed_ms = ?3, bytes = ?4
+             WHERE id = ?1",
         )
         .bind(id.to_string())
         .bind(content.to_string())
         .bind(self.clock.now().as_millisecond())
+        .bind(bytes.cast_signed())
         .execute(&mut *transaction)
         .await
         .map_err(backend)?;

@@ -38,6 +38,7 @@ impl<'r> FromRow<'r, SqliteRow> for Record {
                 expires_at: optional_time(row, "expires_ms")?,
                 pinned: row.try_get("pinned")?,
             },
+            webhook: row.try_get("webhook")?,
             payload: json(row, "payload")?,
             state: named(row, "state")?,
             attempt: row.try_get("attempt")?,
@@ -125,14 +126,16 @@ fn unreadable(error: sqlx::Error) -> StoreError {
 pub(super) async fn insert(
     connection: &mut SqliteConnection,
     record: &Record,
+    bytes: u64,
 ) -> Result<(), StoreError> {
     let job = &record.job;
     sqlx::query(
         "INSERT INTO jobs (id, kind, payload, state, attempt, attempts_used, max_attempts,
              cancel_requested, boot, not_before_ms, artifacts, created_ms, version, tenant,
-             priority, name, labels, expires_ms, pinned)
+             priority, name, labels, expires_ms, pinned, webhook,
+             bytes)
          VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, '[]', ?11, ?12, ?13, ?14,
-             ?15, ?16, ?17, ?18)",
+             ?15, ?16, ?17, ?18, ?19, ?20)",
     )
     .bind(job.id.to_string())
     .bind(&job.kind)
@@ -152,6 +155,8 @@ pub(super) async fn insert(
     .bind(serde_json::to_string(&job.tags.labels).map_err(backend)?)
     .bind(job.tags.expires_at.map(Timestamp::as_millisecond))
     .bind(job.tags.pinned)
+    .bind(&job.webhook)
+    .bind(bytes.cast_signed())
     .execute(connection)
     .await
     .map_err(backend)?;
@@ -241,7 +246,7 @@ pub(super) fn json<T: DeserializeOwned>(row: &SqliteRow, column: &'static str) -
     serde_json::from_str(row.try_get(column)?).map_err(decode)
 }
 
-fn optional_json<T: DeserializeOwned>(
+pub(super) fn optional_json<T: DeserializeOwned>(
     row: &SqliteRow,
     column: &'static str,
 ) -> sqlx::Result<Option<T>> {

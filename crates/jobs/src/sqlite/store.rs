@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
 use tokio::sync::broadcast;
 
-use super::{SqliteStore, backend, idempotency, ownerless, rows};
+use super::{SqliteStore, backend, idempotency, ownerless, rows, storage, webhooks};
 use crate::record::{Change, Ending, Present, Record};
 use crate::{
     ArtifactEntry, Claim, Event, EventKind, Failure, Heartbeat, Idempotency, Job, JobChange,
@@ -129,6 +129,7 @@ impl SqliteStore {
         .execute(&mut *transaction)
         .await
         .map_err(backend)?;
+        webhooks::tell(&mut transaction, id).await?;
         transaction.commit().await.map_err(backend)
     }
 
@@ -202,6 +203,7 @@ async fn expect_queue(
 impl JobStore for SqliteStore {
     async fn enqueue(&self, job: NewJob) -> Result<Job, StoreError> {
         let (max_queued, given) = (job.max_queued, job.idempotency.clone());
+        let (bytes, max_bytes) = (job.bytes, job.max_bytes);
         let now = self.present();
         let (mut record, change) = Record::new(job, &now);
         record.job.version = 1;
@@ -217,7 +219,8 @@ impl JobStore for SqliteStore {
         if let Some(most) = max_queued {
             expect_queue(&mut transaction, &record.job.tenant, most).await?;
         }
-        rows::insert(&mut transaction, &record).await?;
+        storage::expect_room(&mut transaction, &record.job.tenant, bytes, max_bytes).await?;
+        rows::insert(&mut transaction, &record, bytes).await?;
         ownerless::remove(&mut transaction, record.job.id).await?;
         self.finish(transaction, record.job, change).await
     }
@@ -420,34 +423,6 @@ impl JobStore for SqliteStore {
             .map_err(backend)?;
         transaction.commit().await.map_err(backend)?;
         Ok(true)
-    }
-
-    async fn expire(&self) -> Result<Vec<JobId>, StoreError> {
-        const OVER: &str = "state IN ('succeeded', 'failed', 'cancelled')
-            AND (delete_requested = 1 OR (pinned = 0 AND expires_ms <= ?1))";
-        let now_ms = self.clock.now().as_millisecond();
-        let found = sqlx::AssertSqlSafe(format!("SELECT EXISTS (SELECT 1 FROM jobs WHERE {OVER})"));
-        let found: bool = sqlx::query_scalar(found)
-            .bind(now_ms)
-            .fetch_one(&self.readers)
-            .await
-            .map_err(backend)?;
-        if !found {
-            return Ok(Vec::new());
-        }
-        let mut transaction = self.begin().await?;
-        let delete = sqlx::AssertSqlSafe(format!("DELETE FROM jobs WHERE {OVER} RETURNING id"));
-        let deleted: Vec<String> = sqlx::query_scalar(delete)
-            .bind(now_ms)
-            .fetch_all(&mut *transaction)
-            .await
-            .map_err(backend)?;
-        let jobs: Vec<JobId> = deleted.iter().filter_map(|id| id.parse().ok()).collect();
-        for id in &jobs {
-            ownerless::add(&mut transaction, *id, &self.clock.uptime()).await?;
-        }
-        transaction.commit().await.map_err(backend)?;
-        Ok(jobs)
     }
 
     async fn delete(&self, id: JobId) -> Result<(), StoreError> {

@@ -1,6 +1,8 @@
 //! The job store suite, run over every implementation, and what only the
 //! SQLite one must show.
 
+mod outbox;
+mod storage;
 mod suite;
 
 use std::path::Path;

@@ -8,11 +8,13 @@ use std::time::Duration;
 use jobs::{
     AccessStore, ArtifactEntry, Claim, Clock, Event, EventKind, Failure, Heartbeat, Idempotency,
     Job, JobCounts, JobId, JobState, JobStore, KeyText, ListQuery, ManualClock, NewJob, NewKey,
-    Scope, StoreError, Tags, TenantLimits, TenantName,
+    NewPage, Scope, StoreError, Tags, TenantLimits, TenantName,
 };
 use serde_json::json;
 
-const LEASE: Duration = Duration::from_secs(30);
+use crate::{outbox, storage};
+
+pub(crate) const LEASE: Duration = Duration::from_secs(30);
 
 /// A store under test.
 pub(crate) struct Subject {
@@ -138,6 +140,13 @@ pub(crate) async fn run<F: AsyncFn() -> Subject>(fresh: F) {
     changes_are_announced(&fresh().await).await;
     pages_change_one_version_at_a_time(&fresh().await).await;
     writers_at_the_same_time_leave_no_gap(&fresh().await).await;
+    storage::stored_bytes_are_counted_and_bounded(&fresh().await).await;
+    storage::pages_go_when_their_time_is_over(&fresh().await).await;
+    storage::room_is_made_of_the_oldest(&fresh().await).await;
+    secrets_of_the_service_are_made_once(&fresh().await).await;
+    outbox::every_end_is_told_once(&fresh().await).await;
+    outbox::messages_are_sent_until_they_are_taken(&fresh().await).await;
+    outbox::secrets_overlap(&fresh().await).await;
 }
 
 async fn a_job_goes_from_queued_to_succeeded(subject: &Subject) {
@@ -799,23 +808,29 @@ async fn changes_are_announced(subject: &Subject) {
     assert!(changes.try_recv().is_err());
 }
 
+/// A page of the default tenant.
+pub(crate) fn new_page(id: JobId, bytes: u64) -> NewPage {
+    let (tenant, content) = (TenantName::default(), json!({ "figures": [] }));
+    NewPage { id, tenant, content, bytes, max_bytes: None, expires_at: None }
+}
+
 async fn pages_change_one_version_at_a_time(subject: &Subject) {
     let (store, id) = (&subject.store, JobId::new());
-    let added = store.add_page(id, &TenantName::default(), json!({ "figures": [] })).await.unwrap();
+    let added = store.add_page(new_page(id, 0)).await.unwrap();
     assert_eq!((added.version, added.created_at), (1, subject.clock.now()));
     assert_eq!(store.page(id).await.unwrap(), added);
     subject.clock.advance(Duration::from_secs(5));
-    let changed = store.replace_page(id, 1, json!({ "figures": [1] })).await.unwrap();
+    let changed = store.replace_page(id, 1, json!({ "figures": [1] }), 0).await.unwrap();
     assert_eq!((changed.version, changed.created_at), (2, added.created_at));
     assert_eq!(changed.changed_at, subject.clock.now());
-    let late = store.replace_page(id, 1, json!({})).await;
+    let late = store.replace_page(id, 1, json!({}), 0).await;
     assert!(matches!(late, Err(StoreError::Changed { version: 2, .. })), "{late:?}");
     assert_eq!(store.page(id).await.unwrap(), changed);
     // No job, and claimed by nobody.
     assert!(matches!(store.get(id).await, Err(StoreError::NotFound(_))));
     assert!(subject.claim().await.is_none());
     store.delete_page(id).await.unwrap();
-    for gone in [store.page(id).await, store.replace_page(id, 2, json!({})).await] {
+    for gone in [store.page(id).await, store.replace_page(id, 2, json!({}), 0).await] {
         assert!(matches!(gone, Err(StoreError::NotFound(named)) if named == id), "{gone:?}");
     }
     assert!(matches!(store.delete_page(id).await, Err(StoreError::NotFound(_))));
@@ -838,4 +853,11 @@ async fn writers_at_the_same_time_leave_no_gap(subject: &Subject) {
         writer.await.unwrap();
     }
     assert_eq!(subject.events(id).await.len(), 2 + 8 * 5);
+}
+
+async fn secrets_of_the_service_are_made_once(subject: &Subject) {
+    let secret = async |name| subject.access.secret(name).await.unwrap();
+    let (links, other) = (secret("links").await, secret("other").await);
+    assert_eq!((links.len(), links == other), (64, false));
+    assert_eq!(secret("links").await, links);
 }

@@ -4,8 +4,9 @@ mod glb;
 mod obj;
 
 use artifacts::{Artifact, ArtifactName, Files, ViewArtifact};
-use frames::Placement;
+use frames::{FileAxes, Placement};
 use mesh::thumbnail;
+use mesh::write::{stl, three_mf};
 use picture::{EncodeError, FloatImage, normals_png, png, silhouette_png};
 
 use crate::depth::normals_from_depth;
@@ -17,6 +18,7 @@ use obj::quad_obj;
 
 /// Disparity is that towards a view this far on, degrees.
 pub const DISPARITY_ANGLE_DEG: f64 = 5.0;
+const MM_PER_METRE: f32 = 1000.0;
 /// Neighbouring depths that differ by more are different surfaces, px.
 const MAX_NORMAL_STEP_PX: f32 = 4.0;
 
@@ -53,6 +55,15 @@ fn disparity(depth_px: &FloatImage) -> FloatImage {
     disparity
 }
 
+/// Which way the model points in files whose format leaves it open.
+#[derive(Clone, Copy, Debug)]
+pub struct Frames {
+    /// OBJ.
+    pub obj: FileAxes,
+    /// STL and 3MF.
+    pub print: FileAxes,
+}
+
 /// The solid as models, and its picture.
 ///
 /// * `reference_planes`: whether textured.glb has each drawing as a plane
@@ -63,6 +74,7 @@ fn disparity(depth_px: &FloatImage) -> FloatImage {
 pub fn model_files(
     draft: &Draft<'_>,
     placement: &Placement,
+    frames: &Frames,
     reference_planes: bool,
 ) -> Result<Files, EncodeError> {
     let solid = &draft.solid;
@@ -73,9 +85,28 @@ pub fn model_files(
         placement,
     };
     let labels = best_views(&solid.mesh, &rig);
+    let Frames { obj, print } = frames;
+    let obj = quad_obj(&solid.mesh, placement, obj);
+    let printed_mm: Vec<[f32; 3]> = solid
+        .mesh
+        .positions
+        .iter()
+        .map(|point| print.file_from_gltf(placement.gltf_from_turntable(point)))
+        .map(|point_m| point_m.map(|value| value * MM_PER_METRE))
+        .collect();
+    let triangles = &solid.mesh.triangles;
+    let encoding = |what| move |error: std::io::Error| EncodeError::new(what, error);
     let artifacts = vec![
         Artifact::new(ArtifactName::Solid, solid_glb(&solid.mesh, &solid.support, &drawn)?),
-        Artifact::new(ArtifactName::SolidObj, quad_obj(&solid.mesh, placement).into_bytes()),
+        Artifact::new(ArtifactName::SolidObj, obj.into_bytes()),
+        Artifact::new(
+            ArtifactName::SolidStl,
+            stl(&printed_mm, triangles).map_err(encoding("solid.stl"))?,
+        ),
+        Artifact::new(
+            ArtifactName::SolidThreeMf,
+            three_mf(&printed_mm, triangles).map_err(encoding("solid.3mf"))?,
+        ),
         Artifact::new(
             ArtifactName::Textured,
             textured_glb(&solid.mesh, &labels, &drawn, reference_planes)?,

@@ -2,15 +2,16 @@
 
 use std::fmt::Write;
 
-use frames::Placement;
+use frames::{FileAxes, Placement};
 use mesh::Mesh;
 use mesh::quads::{Face, quad_dominant};
 
-/// The mesh in glTF's frame, shared vertices, quads and the triangles left.
-pub(super) fn quad_obj(mesh: &Mesh, placement: &Placement) -> String {
+/// The mesh in the frame of `axes`, metres: shared vertices, quads and the
+/// triangles left.
+pub(super) fn quad_obj(mesh: &Mesh, placement: &Placement, axes: &FileAxes) -> String {
     let mut obj = String::from("o model\n");
     for point in &mesh.positions {
-        let [x, y, z] = placement.gltf_from_turntable(point);
+        let [x, y, z] = axes.file_from_gltf(placement.gltf_from_turntable(point));
         // Writing to a String cannot fail.
         let _ = writeln!(obj, "v {x} {y} {z}");
     }
@@ -31,7 +32,7 @@ pub(super) fn quad_obj(mesh: &Mesh, placement: &Placement) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use frames::ExportOptions;
+    use frames::{ExportOptions, UpAxis};
     use nalgebra::Point3;
 
     #[test]
@@ -44,7 +45,8 @@ mod tests {
         };
         let options = ExportOptions { pixels_per_metre: Some(2.0), ..ExportOptions::default() };
         let placement = Placement::new(mesh.bounds().unwrap(), &options);
-        let obj = quad_obj(&mesh, &placement);
+        let axes = options.file_axes(UpAxis::Y).unwrap();
+        let obj = quad_obj(&mesh, &placement, &axes);
         assert!(obj.contains("v 1 1 0\n"));
         assert_eq!(obj.lines().filter(|line| line.starts_with('f')).count(), 2);
         assert_eq!(obj.lines().filter(|line| line.split(' ').count() == 5).count(), 1);

@@ -1,135 +1,8 @@
-//! The description of the API (OpenAPI 3.1), made from the handlers and from
-//! the schemas of options and sheet documents.
+//! Uploads in the description: their parts, which no Rust type has, and examples.
 
-use std::collections::BTreeMap;
+use serde_json::{Value, json};
 
-use serde_json::{Map, Value, json};
-use utoipa::OpenApi;
-use utoipa::openapi::{ContentBuilder, Ref, RefOr, Response, ResponseBuilder};
-
-use super::problem::{
-    FOREIGN_ORIGIN, INSUFFICIENT_SCOPE, ProblemDocument, ProblemType, TOO_MANY_REQUESTS,
-    UNAUTHORIZED,
-};
-use super::router::routes;
-use crate::draft;
-use drawing::DrawOptions;
-use options::{OptionSet, Schema};
-use sheet::SheetDocument;
-
-#[derive(OpenApi)]
-#[openapi(
-    info(
-        title = "Turnaround",
-        description = "Turns a model sheet (drawn views at known angles) into depth maps, metrics and a 3D draft, and draws model sheets from 3D models. Errors are problem details (RFC 9457)."
-    ),
-    components(schemas(ProblemDocument)),
-    tags(
-        (name = "reconstructions", description = "Sheets on their way to a draft"),
-        (name = "pages", description = "Pictures with several views: what is found on them, and put right"),
-        (name = "artifacts", description = "What came out"),
-        (name = "sheets", description = "Sheets drawn from 3D models, with their truth"),
-        (name = "admin", description = "Tenants and keys, for keys of the scope admin"),
-        (name = "service", description = "The service itself"),
-    )
-)]
-pub(super) struct Description;
-
-/// Says which problems an operation answers with.
-macro_rules! problem_responses {
-    ($visibility:vis $name:ident: $($kind:path),* $(,)?) => {
-        $visibility struct $name;
-
-        impl utoipa::IntoResponses for $name {
-            fn responses() -> std::collections::BTreeMap<
-                String,
-                utoipa::openapi::RefOr<utoipa::openapi::Response>,
-            > {
-                $crate::http::openapi::responses_of(&[$($kind),*])
-            }
-        }
-    };
-}
-pub(super) use problem_responses;
-
-/// One response a status, which names its kinds of problem.
-pub(super) fn responses_of(kinds: &[ProblemType]) -> BTreeMap<String, RefOr<Response>> {
-    let mut by_status: BTreeMap<String, Vec<String>> = BTreeMap::new();
-    for kind in kinds {
-        let line = format!("`{}`: {}", kind.uri(), kind.title);
-        by_status.entry(kind.status.as_str().to_owned()).or_default().push(line);
-    }
-    by_status
-        .into_iter()
-        .map(|(status, lines)| {
-            let schema = Ref::from_schema_name("Problem");
-            let content = ContentBuilder::new().schema(Some(schema)).build();
-            let response = ResponseBuilder::new()
-                .description(lines.join("\n\n"))
-                .content("application/problem+json", content)
-                .build();
-            (status, RefOr::T(response))
-        })
-        .collect()
-}
-
-/// For fields that hold the options of a reconstruction.
-pub(super) fn options_reference() -> Ref {
-    Ref::from_schema_name("Options")
-}
-
-/// For fields that hold a sheet document.
-pub(super) fn sheet_reference() -> Ref {
-    Ref::from_schema_name("SheetDocument")
-}
-
-/// For fields that hold the options of a drawn sheet.
-pub(super) fn sheet_options_reference() -> Ref {
-    Ref::from_schema_name("SheetOptions")
-}
-
-/// The description, complete.
-pub fn openapi() -> Value {
-    let (_, description) = routes().split_for_parts();
-    let mut document = serde_json::to_value(description).unwrap_or_default();
-    name_wildcards(&mut document);
-    describe_other_errors(&mut document);
-    tell_head_from_get(&mut document);
-    describe_uploads(&mut document);
-    describe_access(&mut document);
-    for (name, schema) in foreign_schemas() {
-        document["components"]["schemas"][name] = schema;
-    }
-    document
-}
-
-/// Schemas that are made elsewhere, as components.
-fn foreign_schemas() -> Map<String, Value> {
-    let mut sheet = Schema::of::<SheetDocument>().document;
-    sheet["properties"]["options"] = json!({
-        "$ref": "#/components/schemas/Options",
-        "description": "Options, nested by stage."
-    });
-    let schemas = [
-        ("Options", draft::options::schema().clone()),
-        ("SheetOptions", DrawOptions::schema().document.clone()),
-        ("SheetDocument", sheet),
-        ("Upload", upload_schema()),
-        ("ModelUpload", model_upload_schema()),
-        ("PageUpload", page_upload_schema()),
-        ("PageEditUpload", page_edit_schema()),
-    ];
-    let component = |(name, schema): (&str, Value)| {
-        let mut schema = options::with_enums(&schema);
-        if let Some(schema) = schema.as_object_mut() {
-            schema.remove("$schema");
-        }
-        (name.to_owned(), schema)
-    };
-    schemas.map(component).into_iter().collect()
-}
-
-fn upload_schema() -> Value {
+pub(super) fn upload_schema() -> Value {
     let picture = json!({"type": "string", "format": "binary"});
     json!({
         "type": "object",
@@ -187,7 +60,7 @@ fn truth_schema() -> Value {
     })
 }
 
-fn model_upload_schema() -> Value {
+pub(super) fn model_upload_schema() -> Value {
     let file = json!({"type": "string", "format": "binary",
         "description": "GLB, glTF with embedded buffers, OBJ, PLY or STL; the file's name tells which."});
     let builtin = json!({"type": "string", "pattern": "^builtin:[a-z_]+$",
@@ -208,7 +81,7 @@ fn model_upload_schema() -> Value {
     })
 }
 
-fn page_upload_schema() -> Value {
+pub(super) fn page_upload_schema() -> Value {
     json!({
         "type": "object",
         "required": ["page"],
@@ -222,7 +95,7 @@ fn page_upload_schema() -> Value {
     })
 }
 
-fn page_edit_schema() -> Value {
+pub(super) fn page_edit_schema() -> Value {
     json!({
         "type": "object",
         "required": ["document"],
@@ -238,7 +111,8 @@ fn page_edit_schema() -> Value {
     })
 }
 
-fn describe_uploads(document: &mut Value) {
+/// Completes the operations that take uploads.
+pub(super) fn describe(document: &mut Value) {
     let body = &mut document["paths"]["/v1/reconstructions"]["post"]["requestBody"];
     body["required"] = true.into();
     body["content"]["multipart/form-data"]["encoding"] = json!({
@@ -248,9 +122,40 @@ fn describe_uploads(document: &mut Value) {
         "truth": {"contentType": "application/json"},
         "image": {"contentType": "image/png, image/jpeg, image/webp, image/tiff"},
     });
-    document["paths"]["/v1/pages"]["post"]["requestBody"]["required"] = true.into();
+    body["content"]["multipart/form-data"]["examples"] = json!({
+        "views": {
+            "summary": "Drawings at three angles",
+            "value": {
+                "view": ["(front.png)", "(quarter.png)", "(side.png)"],
+                "azimuth_deg": [0, 45, 90],
+                "options": {"seed": 1},
+            },
+        },
+        "page": {
+            "summary": "A page with all views on it",
+            "value": {"page": "(sheet.png)", "azimuths": "0,45,90,180"},
+        },
+        "sheet": {
+            "summary": "A sheet document with the files that it names",
+            "value": {
+                "sheet": {"views": [
+                    {"image": "front.png", "azimuth_deg": 0},
+                    {"image": "side.png", "azimuth_deg": 90},
+                ]},
+                "image": ["(front.png)", "(side.png)"],
+            },
+        },
+    });
+    let body = &mut document["paths"]["/v1/pages"]["post"]["requestBody"];
+    body["required"] = true.into();
+    body["content"]["multipart/form-data"]["example"] =
+        json!({"page": ["(sheet.png)"], "azimuths": "0,45,90,180"});
     let body = &mut document["paths"]["/v1/pages/{id}"]["put"]["requestBody"];
     body["required"] = true.into();
+    body["content"]["application/json"]["example"] = json!({"figures": [
+        {"box": {"left": 40, "top": 30, "right": 410, "bottom": 620}, "azimuth_deg": 0},
+        {"box": {"left": 460, "top": 30, "right": 790, "bottom": 620}, "azimuth_deg": 90},
+    ]});
     body["content"]["multipart/form-data"] = json!({
         "schema": {"$ref": "#/components/schemas/PageEditUpload"},
         "encoding": {"document": {"contentType": "application/json"}},
@@ -274,75 +179,4 @@ fn describe_uploads(document: &mut Value) {
             },
         },
     });
-}
-
-/// Which operations need a key, and what they answer without.
-fn describe_access(document: &mut Value) {
-    document["servers"] = json!([{"url": "/", "description": "Where the description is"}]);
-    document["components"]["securitySchemes"]["key"] = json!({
-        "type": "http",
-        "scheme": "bearer",
-        "description": "A key, as `turnaround keys create` makes it. A service on the loopback that has no keys needs none."
-    });
-    document["security"] = json!([{"key": []}]);
-    let Some(paths) = document["paths"].as_object_mut() else { return };
-    for (path, item) in paths {
-        let is_closed = path.starts_with("/v1/") || path == "/metrics";
-        for operation in item.as_object_mut().into_iter().flat_map(Map::values_mut) {
-            if !is_closed {
-                operation["security"] = json!([]);
-                continue;
-            }
-            let refusals = [UNAUTHORIZED, INSUFFICIENT_SCOPE, FOREIGN_ORIGIN, TOO_MANY_REQUESTS];
-            for (status, refusal) in responses_of(&refusals) {
-                let known = &mut operation["responses"][&status];
-                let refusal = serde_json::to_value(refusal).unwrap_or_default();
-                match known["description"].as_str() {
-                    None => *known = refusal,
-                    Some(told) => {
-                        let more = refusal["description"].as_str().unwrap_or_default();
-                        known["description"] = format!("{told}\n\n{more}").into();
-                    }
-                }
-            }
-        }
-    }
-}
-
-/// OpenAPI has no parameters with slashes; it is named like any other.
-fn name_wildcards(document: &mut Value) {
-    let Some(paths) = document["paths"].as_object_mut() else { return };
-    *paths = std::mem::take(paths)
-        .into_iter()
-        .map(|(path, item)| (path.replace("{*", "{"), item))
-        .collect();
-}
-
-/// Faults of the service, and what the framework refuses by itself.
-fn describe_other_errors(document: &mut Value) {
-    let items = document["paths"].as_object_mut().into_iter().flat_map(Map::values_mut);
-    for operation in items.filter_map(Value::as_object_mut).flat_map(Map::values_mut) {
-        operation["responses"]["default"] = json!({
-            "description": "Any other problem",
-            "content": {"application/problem+json": {
-                "schema": {"$ref": "#/components/schemas/Problem"}
-            }},
-        });
-    }
-}
-
-/// Operation ids must be unique, and a HEAD answers without a body.
-fn tell_head_from_get(document: &mut Value) {
-    let Some(paths) = document["paths"].as_object_mut() else { return };
-    for operation in paths.values_mut().filter_map(|item| item.get_mut("head")) {
-        if let Some(id) = operation["operationId"].as_str() {
-            operation["operationId"] = format!("head_{id}").into();
-        }
-        for response in operation["responses"].as_object_mut().into_iter().flat_map(Map::values_mut)
-        {
-            if let Some(response) = response.as_object_mut() {
-                response.remove("content");
-            }
-        }
-    }
 }

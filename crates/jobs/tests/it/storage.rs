@@ -1,0 +1,103 @@
+//! The part of the suite about stored bytes.
+
+use std::time::Duration;
+
+use jiff::SignedDuration;
+use jobs::{ArtifactEntry, Clock, JobId, NewJob, NewPage, StoreError, Tags, TenantName};
+use serde_json::json;
+
+use crate::suite::{LEASE, Subject, new_page};
+
+impl Subject {
+    /// A job that has ended, of 10 bytes sent and 90 made.
+    async fn ended(&self, pinned: bool) -> JobId {
+        let tags = Tags { pinned, ..Tags::default() };
+        let job = NewJob::new(JobId::new(), "test", json!({}), 1);
+        let id = self.store.enqueue(NewJob { bytes: 10, tags, ..job }).await.unwrap().id;
+        let claim = self.store.claim("tester", LEASE).await.unwrap().unwrap();
+        let (name, media_type) = ("a".to_owned(), "text/plain".to_owned());
+        let made = ArtifactEntry { name, media_type, bytes: 90, sha256: String::new() };
+        self.store.succeed(id, claim.attempt, vec![made], None).await.unwrap();
+        id
+    }
+
+    async fn stored(&self) -> u64 {
+        self.store.stored_bytes(None).await.unwrap()
+    }
+}
+
+pub(crate) async fn stored_bytes_are_counted_and_bounded(subject: &Subject) {
+    let store = &subject.store;
+    let other: TenantName = "other".parse().unwrap();
+    subject.access.create_tenant(&other).await.unwrap();
+    assert_eq!(subject.stored().await, 0);
+    let job = subject.ended(false).await;
+    assert_eq!(subject.stored().await, 100);
+    let page = JobId::new();
+    store.add_page(new_page(page, 30)).await.unwrap();
+    store.replace_page(page, 1, json!({}), 50).await.unwrap();
+    let own = store.stored_bytes(Some(&TenantName::default())).await.unwrap();
+    assert_eq!((own, store.stored_bytes(Some(&other)).await.unwrap()), (150, 0));
+
+    let new = |tenant: &TenantName, bytes| {
+        let job = NewJob::new(JobId::new(), "test", json!({}), 1);
+        NewJob { tenant: tenant.clone(), bytes, max_bytes: Some(160), ..job }
+    };
+    let over = store.enqueue(new(&TenantName::default(), 11)).await;
+    assert!(matches!(over, Err(StoreError::TooManyBytes { most: 160, .. })), "{over:?}");
+    let over = NewPage { max_bytes: Some(160), ..new_page(JobId::new(), 11) };
+    let over = store.add_page(over).await;
+    assert!(matches!(over, Err(StoreError::TooManyBytes { most: 160, .. })), "{over:?}");
+    store.enqueue(new(&TenantName::default(), 10)).await.unwrap();
+    // What others store is not held against it.
+    store.enqueue(new(&other, 160)).await.unwrap();
+    assert_eq!(subject.stored().await, 320);
+    store.delete(job).await.unwrap();
+    assert_eq!(subject.stored().await, 220);
+    assert_eq!(store.unmeasured().await.unwrap(), []);
+}
+
+pub(crate) async fn pages_go_when_their_time_is_over(subject: &Subject) {
+    let store = &subject.store;
+    let hour = subject.clock.now() + SignedDuration::from_hours(1);
+    let [short, long] = [JobId::new(), JobId::new()];
+    store.add_page(NewPage { expires_at: Some(hour), ..new_page(short, 1) }).await.unwrap();
+    store.add_page(new_page(long, 1)).await.unwrap();
+    let tenant = TenantName::default();
+    let listed = async |before, limit| -> Vec<JobId> {
+        let pages = store.pages(&tenant, before, limit).await.unwrap();
+        pages.into_iter().map(|page| page.id).collect()
+    };
+    assert_eq!(listed(None, 10).await, [long, short]);
+    assert_eq!(listed(None, 1).await, [long]);
+    assert_eq!(listed(Some(long), 10).await, [short]);
+    assert_eq!(store.expire().await.unwrap(), []);
+    subject.clock.advance(Duration::from_secs(3600));
+    assert_eq!(store.expire().await.unwrap(), [short]);
+    assert!(store.is_ownerless(short, Duration::ZERO).await.unwrap());
+    assert_eq!(listed(None, 10).await, [long]);
+}
+
+pub(crate) async fn room_is_made_of_the_oldest(subject: &Subject) {
+    let store = &subject.store;
+    let second = Duration::from_secs(1);
+    let pinned = subject.ended(true).await;
+    subject.clock.advance(second);
+    let first = subject.ended(false).await;
+    subject.clock.advance(second);
+    let page = JobId::new();
+    store.add_page(new_page(page, 100)).await.unwrap();
+    subject.clock.advance(second);
+    let last = subject.ended(false).await;
+    let waiting = NewJob::new(JobId::new(), "test", json!({}), 1);
+    let waiting = store.enqueue(NewJob { bytes: 100, ..waiting }).await.unwrap().id;
+    assert_eq!(store.make_room(500).await.unwrap(), []);
+    assert_eq!(store.make_room(399).await.unwrap(), [first, page]);
+    assert!(store.is_ownerless(first, Duration::ZERO).await.unwrap());
+    // What waits and what is pinned stays, however much there is.
+    assert_eq!(store.make_room(0).await.unwrap(), [last]);
+    assert_eq!(subject.stored().await, 200);
+    for stays in [pinned, waiting] {
+        store.get(stays).await.unwrap();
+    }
+}

@@ -1,0 +1,111 @@
+//! The list of a tenant's pages.
+
+use std::sync::Arc;
+
+use axum::extract::rejection::QueryRejection;
+use axum::extract::{Query, State};
+use axum::http::{HeaderValue, header};
+use axum::response::{IntoResponse, Response};
+use axum::{Extension, Json};
+use jiff::Timestamp;
+use serde::{Deserialize, Serialize};
+use utoipa::{IntoParams, ToSchema};
+use uuid::Uuid;
+
+use crate::http::Api;
+use crate::http::access::Caller;
+use crate::http::openapi::problem_responses;
+use crate::http::problem::{INVALID_QUERY, Problem, UNAVAILABLE};
+use crate::http::resource::{cursor, limit_of};
+use jobs::StoredPage;
+
+problem_responses! { ListProblems: INVALID_QUERY, UNAVAILABLE }
+
+/// Which part of the list.
+#[derive(Clone, Debug, Default, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub(in crate::http) struct PageListParameters {
+    /// At most this many.
+    #[param(minimum = 1, maximum = 100, default = 20)]
+    limit: Option<u32>,
+    /// Where to go on: from the last answer's `next`.
+    cursor: Option<String>,
+}
+
+/// A page in a list.
+#[derive(Debug, Serialize, ToSchema)]
+struct PageSummary {
+    id: Uuid,
+    /// Counts the changes, from 1.
+    version: u64,
+    #[schema(value_type = String, format = DateTime)]
+    created_at: Timestamp,
+    #[schema(value_type = String, format = DateTime)]
+    changed_at: Timestamp,
+    /// When it is deleted by itself; null if never.
+    #[schema(value_type = Option<String>, format = DateTime)]
+    expires_at: Option<Timestamp>,
+    /// The whole of it, as a relative URI.
+    #[schema(format = "uri-reference")]
+    href: String,
+}
+
+/// Part of the list of pages, newest first.
+#[derive(Debug, Serialize, ToSchema)]
+pub(in crate::http) struct PageList {
+    pages: Vec<PageSummary>,
+    /// The next part, as a relative URI; null at the end.
+    #[schema(format = "uri-reference")]
+    next: Option<String>,
+}
+
+impl From<StoredPage> for PageSummary {
+    fn from(page: StoredPage) -> Self {
+        Self {
+            id: page.id.0,
+            version: page.version,
+            created_at: page.created_at,
+            changed_at: page.changed_at,
+            expires_at: page.expires_at,
+            href: format!("/v1/pages/{}", page.id),
+        }
+    }
+}
+
+/// List pages, newest first.
+#[utoipa::path(
+    get,
+    path = "/v1/pages",
+    operation_id = "list_pages",
+    tag = "pages",
+    params(PageListParameters),
+    responses(
+        (status = 200, description = "Part of the list", body = PageList,
+         headers(("Link" = String, description = "The next part, as rel=next"))),
+        ListProblems,
+    )
+)]
+pub(in crate::http) async fn list(
+    State(api): State<Arc<Api>>,
+    Extension(caller): Extension<Arc<Caller>>,
+    parameters: Result<Query<PageListParameters>, QueryRejection>,
+) -> Result<Response, Problem> {
+    let Query(PageListParameters { limit, cursor: from }) =
+        parameters.map_err(|error| Problem::new(INVALID_QUERY, error.body_text()))?;
+    let limit = limit_of(limit)?;
+    let before = from.as_deref().map(cursor).transpose()?;
+    // One more than asked for tells whether there is a next part.
+    let mut found = api.state.store.pages(&caller.tenant, before, limit + 1).await?;
+    let more = found.len() > limit as usize;
+    found.truncate(limit as usize);
+    let last = found.last().filter(|_| more);
+    let next = last.map(|page| format!("/v1/pages?limit={limit}&cursor={}", page.id));
+    let link = next.as_ref().map(|next| format!("<{next}>; rel=\"next\""));
+    let pages = found.into_iter().map(PageSummary::from).collect();
+    let mut response = Json(PageList { pages, next }).into_response();
+    if let Some(Ok(link)) = link.map(|link| HeaderValue::from_str(&link)) {
+        response.headers_mut().insert(header::LINK, link);
+    }
+    Ok(response)
+}
