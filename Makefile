@@ -1,6 +1,6 @@
 # The two commands of the README, and what builders use besides.
 
-.PHONY: run test check lint docs openapi web
+.PHONY: run test check lint lint-api docs openapi web
 
 # Install, build, start the service, send it a sample sheet, fetch the results.
 run:
@@ -16,6 +16,7 @@ test:
 	cargo test --workspace --locked --lib --bins --tests
 	cargo test --workspace --locked --doc
 	cd web && npm run --silent check && npm test && npm run --silent e2e
+	scripts/test-clients
 
 # Build the web page, which the service holds inside of itself.
 web: web/node_modules/.package-lock.json
@@ -32,6 +33,11 @@ lint:
 
 docs:
 	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --locked --no-deps
+
+# Hold the API description against the rules of Redocly and Spectral.
+lint-api:
+	npx --yes @redocly/cli@2 lint --config scripts/redocly.yaml api/openapi.json
+	npx --yes @stoplight/spectral-cli@6 lint --ruleset scripts/spectral.yaml --fail-severity warn api/openapi.json
 
 # Write the API description again after a change to the interface.
 openapi:

@@ -17,7 +17,7 @@ pub(super) fn upload_schema() -> Value {
                 "description": "The true model (OBJ, PLY, STL, GLB, glTF), its origin on the turntable axis at the pictures' middle row; `truth` then gives `pixels_per_unit`. In the sheet form the document names it."},
             "page": {"anyOf": [{"type": "string", "format": "binary"}, {"type": "string", "format": "uuid"}],
                 "description": "A picture with several views on it, or an animated GIF of a turn: its figures are found and cut out. Or, without a file name, the id of a page: its kept figures become the views as they are seen there."},
-            "azimuths": {"type": "string", "default": "auto", "examples": ["0,45,90,180"],
+            "azimuths": {"type": "string", "examples": ["0,45,90,180"],
                 "description": "The azimuths of the page's figures in reading order, degrees; `auto` guesses them."},
             "source": {"type": "string", "format": "uuid",
                 "description": "An earlier reconstruction: its views are taken again, and its options for those not given."},
