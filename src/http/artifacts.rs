@@ -71,7 +71,7 @@ pub(super) async fn serve(
     method: &Method,
     headers: &HeaderMap,
 ) -> Result<Response, Problem> {
-    let entry = entry(job, name)?;
+    let entry = entry(job, name).map_err(|detail| Problem::new(UNKNOWN_ARTIFACT, detail))?;
     let etag: ETag = format!("\"{}\"", entry.sha256)
         .parse()
         .map_err(|_| Problem::internal("artifact", &"stored hash makes no ETag"))?;
@@ -93,16 +93,15 @@ pub(super) async fn serve(
     Ok(response)
 }
 
-/// The job's artifact of this name.
-pub(super) fn entry<'j>(job: &'j Job, name: &str) -> Result<&'j ArtifactEntry, Problem> {
+/// The job's artifact of this name, or why there is none.
+pub(super) fn entry<'j>(job: &'j Job, name: &str) -> Result<&'j ArtifactEntry, String> {
     job.artifacts.iter().find(|entry| entry.name == name).ok_or_else(|| {
         let (noun, id) = (noun_of(&job.kind).unwrap_or("job"), job.id);
-        let detail = if job.state.is_final() {
+        if job.state.is_final() {
             format!("{noun} {id} has no artifact `{name}`; see its list")
         } else {
             format!("{noun} {id} is not finished, so it has no `{name}` yet")
-        };
-        Problem::new(UNKNOWN_ARTIFACT, detail)
+        }
     })
 }
 

@@ -6,7 +6,7 @@
 use std::sync::Arc;
 
 use axum::Json;
-use axum::extract::rejection::{JsonRejection, PathRejection, QueryRejection};
+use axum::extract::rejection::{PathRejection, QueryRejection};
 use axum::extract::{Path, Query, State};
 use axum::http::{HeaderMap, Method, StatusCode};
 use axum::response::Response;
@@ -99,16 +99,17 @@ fn collection_of<R: Resource>() -> &'static str {
 pub(super) async fn create<R: Resource>(
     api: &Api,
     asked: OwnedId,
-    given: Result<Json<NewLink>, JsonRejection>,
+    NewLink { artifact, expires_in }: NewLink,
 ) -> Result<(StatusCode, Json<Link>), Problem> {
-    let Json(NewLink { artifact, expires_in }) =
-        given.map_err(|error| Problem::new(INVALID_BODY, error.body_text()))?;
     if !(1..=MAX_SECONDS).contains(&expires_in) {
         let detail = format!("`expires_in` is {expires_in}; give 1 to {MAX_SECONDS} seconds");
         return Err(Problem::new(INVALID_BODY, detail));
     }
     let job = find::<R>(api, &asked).await?;
-    let name = &artifacts::entry(&job, &artifact)?.name;
+    // Named in the body, so that it is the body that is wrong.
+    let name = &artifacts::entry(&job, &artifact)
+        .map_err(|detail| Problem::new(INVALID_BODY, detail))?
+        .name;
     let expires = (Timestamp::now() + SignedDuration::from_secs(expires_in.into())).as_second();
     let collection = collection_of::<R>();
     let mac = api.state.link_key.mac(collection, job.id, name, expires);

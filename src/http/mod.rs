@@ -7,6 +7,7 @@
 mod access;
 mod artifacts;
 mod bare;
+mod body;
 mod conditional;
 mod drawn_pages;
 mod events;

@@ -3,13 +3,13 @@
 use std::sync::Arc;
 
 use axum::Json;
-use axum::extract::rejection::JsonRejection;
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, Method, StatusCode};
 use axum::response::Response;
 
 use super::Api;
 use super::artifacts::{self, IdAndName};
+use super::body::Body;
 use super::events;
 use super::links::{self, Link, NewLink};
 use super::openapi::problem_responses;
@@ -46,7 +46,7 @@ problem_responses! { JobProblems: UNKNOWN_RECONSTRUCTION, UNAVAILABLE }
 problem_responses! { StreamProblems: UNKNOWN_RECONSTRUCTION, BUSY, UNAVAILABLE }
 problem_responses! { ListProblems: INVALID_QUERY, UNAVAILABLE }
 problem_responses! { CancelProblems: UNKNOWN_RECONSTRUCTION, ALREADY_FINISHED, UNAVAILABLE }
-problem_responses! { NewLinkProblems: UNKNOWN_RECONSTRUCTION, UNKNOWN_ARTIFACT, INVALID_BODY, UNAVAILABLE }
+problem_responses! { NewLinkProblems: UNKNOWN_RECONSTRUCTION, INVALID_BODY, UNAVAILABLE }
 problem_responses! { RedeliverProblems: UNKNOWN_RECONSTRUCTION, UNKNOWN_DELIVERY, UNAVAILABLE }
 problem_responses! { DeleteProblems: UNKNOWN_RECONSTRUCTION, UNAVAILABLE }
 problem_responses! { PatchProblems: UNKNOWN_RECONSTRUCTION, INVALID_BODY, UNAVAILABLE }
@@ -74,7 +74,8 @@ problem_responses! {
         ("webhook" = Option<String>, Query, max_length = 2048, example = "https://studio.example/hook",
          description = "Where its end is told, in place of the tenant's address"),
         ("pinned" = Option<bool>, Query, description = "Whether it stays although its time is over"),
-        ("Idempotency-Key" = Option<String>, Header, max_length = 255, example = "8e03978e-40d5",
+        ("Idempotency-Key" = Option<String>, Header, max_length = 255, pattern = "^(\\x22[\\x21\\x23-\\x7E]+\\x22|[\\x21\\x23-\\x7E]+)$",
+         example = "8e03978e-40d5",
          description = "A name for this upload: sent again within a day with the same key, it is answered as the first time and becomes no second job"),
     ),
     request_body(content = ref("#/components/schemas/Upload"), content_type = "multipart/form-data"),
@@ -160,7 +161,7 @@ pub(super) async fn get(
     tag = "reconstructions",
     params(
         ("id" = String, Path, format = "uuid", description = "The reconstruction"),
-        ("Last-Event-ID" = Option<u64>, Header, description = "Number of the last event received"),
+        ("Last-Event-ID" = Option<String>, Header, description = "Number of the last event received; what is none counts as 0"),
     ),
     responses(
         (status = 200, description = "Events, until the final one", body = String,
@@ -232,9 +233,9 @@ pub(super) async fn delete(
 pub(super) async fn patch(
     State(api): State<Arc<Api>>,
     id: Id<Reconstructions>,
-    changes: Result<Json<Changes>, JsonRejection>,
+    Body(changes): Body<Changes>,
 ) -> Result<Response, Problem> {
-    resource::patch::<Reconstructions>(&api, id.0, Changes::read(changes)?).await
+    resource::patch::<Reconstructions>(&api, id.0, changes).await
 }
 
 /// List the results of a reconstruction.
@@ -333,7 +334,7 @@ pub(super) async fn metrics(
 pub(super) async fn link(
     State(api): State<Arc<Api>>,
     id: Id<Reconstructions>,
-    given: Result<Json<NewLink>, JsonRejection>,
+    Body(given): Body<NewLink>,
 ) -> Result<(StatusCode, Json<Link>), Problem> {
     links::create::<Reconstructions>(&api, id.0, given).await
 }

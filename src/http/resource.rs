@@ -116,6 +116,7 @@ pub(super) struct ListParameters {
     #[param(minimum = 1, maximum = 100, default = 20)]
     limit: Option<u32>,
     /// Where to go on: from the last answer's `next`.
+    #[param(value_type = Option<String>, format = Uuid)]
     cursor: Option<String>,
 }
 

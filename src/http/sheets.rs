@@ -3,13 +3,13 @@
 use std::sync::Arc;
 
 use axum::Json;
-use axum::extract::rejection::JsonRejection;
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, Method, StatusCode};
 use axum::response::Response;
 
 use super::Api;
 use super::artifacts::{self, IdAndName};
+use super::body::Body;
 use super::events;
 use super::links::{self, Link, NewLink};
 use super::openapi::problem_responses;
@@ -46,7 +46,7 @@ problem_responses! { JobProblems: UNKNOWN_SHEET, UNAVAILABLE }
 problem_responses! { StreamProblems: UNKNOWN_SHEET, BUSY, UNAVAILABLE }
 problem_responses! { ListProblems: INVALID_QUERY, UNAVAILABLE }
 problem_responses! { CancelProblems: UNKNOWN_SHEET, ALREADY_FINISHED, UNAVAILABLE }
-problem_responses! { NewLinkProblems: UNKNOWN_SHEET, UNKNOWN_ARTIFACT, INVALID_BODY, UNAVAILABLE }
+problem_responses! { NewLinkProblems: UNKNOWN_SHEET, INVALID_BODY, UNAVAILABLE }
 problem_responses! { RedeliverProblems: UNKNOWN_SHEET, UNKNOWN_DELIVERY, UNAVAILABLE }
 problem_responses! { DeleteProblems: UNKNOWN_SHEET, UNAVAILABLE }
 problem_responses! { PatchProblems: UNKNOWN_SHEET, INVALID_BODY, UNAVAILABLE }
@@ -75,7 +75,8 @@ problem_responses! {
         ("webhook" = Option<String>, Query, max_length = 2048, example = "https://studio.example/hook",
          description = "Where its end is told, in place of the tenant's address"),
         ("pinned" = Option<bool>, Query, description = "Whether it stays although its time is over"),
-        ("Idempotency-Key" = Option<String>, Header, max_length = 255, example = "8e03978e-40d5",
+        ("Idempotency-Key" = Option<String>, Header, max_length = 255, pattern = "^(\\x22[\\x21\\x23-\\x7E]+\\x22|[\\x21\\x23-\\x7E]+)$",
+         example = "8e03978e-40d5",
          description = "A name for this upload: sent again within a day with the same key, it is answered as the first time and becomes no second job"),
     ),
     request_body(content = ref("#/components/schemas/ModelUpload"), content_type = "multipart/form-data"),
@@ -153,7 +154,7 @@ pub(super) async fn get(
     tag = "sheets",
     params(
         ("id" = String, Path, format = "uuid", description = "The sheet"),
-        ("Last-Event-ID" = Option<u64>, Header, description = "Number of the last event received"),
+        ("Last-Event-ID" = Option<String>, Header, description = "Number of the last event received; what is none counts as 0"),
     ),
     responses(
         (status = 200, description = "Events, until the final one", body = String,
@@ -225,9 +226,9 @@ pub(super) async fn delete(
 pub(super) async fn patch(
     State(api): State<Arc<Api>>,
     id: Id<Sheets>,
-    changes: Result<Json<Changes>, JsonRejection>,
+    Body(changes): Body<Changes>,
 ) -> Result<Response, Problem> {
-    resource::patch::<Sheets>(&api, id.0, Changes::read(changes)?).await
+    resource::patch::<Sheets>(&api, id.0, changes).await
 }
 
 /// List the files of a sheet.
@@ -301,7 +302,7 @@ pub(super) async fn artifact(
 pub(super) async fn link(
     State(api): State<Arc<Api>>,
     id: Id<Sheets>,
-    given: Result<Json<NewLink>, JsonRejection>,
+    Body(given): Body<NewLink>,
 ) -> Result<(StatusCode, Json<Link>), Problem> {
     links::create::<Sheets>(&api, id.0, given).await
 }

@@ -3,8 +3,6 @@
 
 use std::collections::BTreeMap;
 
-use axum::Json;
-use axum::extract::rejection::JsonRejection;
 use jiff::{SignedDuration, Timestamp};
 use serde::{Deserialize, Deserializer};
 use utoipa::ToSchema;
@@ -44,11 +42,6 @@ fn given<'de, T: Deserialize<'de>, D: Deserializer<'de>>(from: D) -> Result<Opti
 }
 
 impl Changes {
-    pub(super) fn read(body: Result<Json<Self>, JsonRejection>) -> Result<Self, Problem> {
-        body.map(|Json(changes)| changes)
-            .map_err(|error| Problem::new(INVALID_BODY, error.body_text()))
-    }
-
     /// The job's tags with these changes.
     pub(super) fn over(self, tags: Tags, now: Timestamp) -> Result<Tags, Problem> {
         let wrong = |detail| Problem::new(INVALID_BODY, detail);

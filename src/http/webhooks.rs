@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use axum::Json;
-use axum::extract::rejection::{JsonRejection, PathRejection};
+use axum::extract::rejection::PathRejection;
 use axum::extract::{FromRequestParts, Path, State};
 use axum::http::StatusCode;
 use axum::http::request::Parts;
@@ -17,6 +17,7 @@ use uuid::Uuid;
 
 use super::Api;
 use super::access::Caller;
+use super::body::Body;
 use super::openapi::problem_responses;
 use super::problem::{
     INVALID_BODY, INVALID_WEBHOOK, NO_WEBHOOK_SECRET, Problem, UNAVAILABLE, UNKNOWN_DELIVERY,
@@ -37,7 +38,7 @@ problem_responses! { PutProblems: INVALID_BODY, INVALID_WEBHOOK, NO_WEBHOOK_SECR
 pub(super) struct WebhookDocument {
     /// An https URL; null tells nobody but those that jobs name themselves.
     #[serde(deserialize_with = "Option::deserialize")]
-    #[schema(max_length = 2048, required)]
+    #[schema(max_length = 2048, format = "uri", pattern = "^https?://", required)]
     url: Option<String>,
 }
 
@@ -194,9 +195,8 @@ pub(super) async fn get(
 pub(super) async fn put(
     State(api): State<Arc<Api>>,
     Tenant(tenant): Tenant,
-    given: Result<Json<WebhookDocument>, JsonRejection>,
+    Body(document): Body<WebhookDocument>,
 ) -> Result<Json<WebhookDocument>, Problem> {
-    let Json(document) = given.map_err(|error| Problem::new(INVALID_BODY, error.body_text()))?;
     if let Some(url) = &document.url {
         check(&api, &tenant, url).await?;
     }

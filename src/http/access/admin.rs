@@ -3,7 +3,6 @@
 use std::sync::Arc;
 
 use axum::Json;
-use axum::extract::rejection::JsonRejection;
 use axum::extract::{Path, State};
 use axum::http::StatusCode;
 
@@ -11,6 +10,7 @@ use super::documents::{
     KeyDocument, KeyList, Limits, NewKeyDocument, NewTenant, TenantDocument, TenantList,
 };
 use crate::http::Api;
+use crate::http::body::Body;
 use crate::http::openapi::problem_responses;
 use crate::http::problem::{
     INVALID_BODY, Problem, TENANT_EXISTS, TENANT_IN_USE, UNAVAILABLE, UNKNOWN_KEY, UNKNOWN_TENANT,
@@ -26,10 +26,6 @@ problem_responses! { TenantDeleteProblems: UNKNOWN_TENANT, TENANT_IN_USE, UNAVAI
 problem_responses! { KeyProblems: INVALID_BODY, UNKNOWN_TENANT, UNAVAILABLE }
 problem_responses! { KeyListProblems: UNAVAILABLE }
 problem_responses! { RevokeProblems: UNKNOWN_KEY, UNAVAILABLE }
-
-fn body<T>(given: Result<Json<T>, JsonRejection>) -> Result<T, Problem> {
-    given.map(|Json(body)| body).map_err(|error| Problem::new(INVALID_BODY, error.body_text()))
-}
 
 fn tenant_name(text: &str) -> Result<TenantName, Problem> {
     text.parse().map_err(|error| Problem::new(INVALID_BODY, format!("{error}")))
@@ -51,9 +47,9 @@ fn known_name(text: &str) -> Result<TenantName, Problem> {
 )]
 pub(in crate::http) async fn create_tenant(
     State(api): State<Arc<Api>>,
-    given: Result<Json<NewTenant>, JsonRejection>,
+    Body(given): Body<NewTenant>,
 ) -> Result<(StatusCode, Json<TenantDocument>), Problem> {
-    let name = tenant_name(&body(given)?.name)?;
+    let name = tenant_name(&given.name)?;
     let tenant = api.state.access.store.create_tenant(&name).await?;
     Ok((StatusCode::CREATED, Json(tenant.into())))
 }
@@ -88,9 +84,9 @@ pub(in crate::http) async fn tenants(
 pub(in crate::http) async fn limit_tenant(
     State(api): State<Arc<Api>>,
     Path(name): Path<String>,
-    given: Result<Json<Limits>, JsonRejection>,
+    Body(given): Body<Limits>,
 ) -> Result<Json<TenantDocument>, Problem> {
-    let limits = body(given)?.into();
+    let limits = given.into();
     let tenant = api.state.access.store.limit_tenant(&known_name(&name)?, &limits).await?;
     Ok(Json(tenant.into()))
 }
@@ -130,9 +126,9 @@ pub(in crate::http) async fn delete_tenant(
 )]
 pub(in crate::http) async fn create_key(
     State(api): State<Arc<Api>>,
-    given: Result<Json<NewKeyDocument>, JsonRejection>,
+    Body(given): Body<NewKeyDocument>,
 ) -> Result<(StatusCode, Json<KeyDocument>), Problem> {
-    let NewKeyDocument { tenant, label, scope } = body(given)?;
+    let NewKeyDocument { tenant, label, scope } = given;
     if label.len() > MAX_LABEL {
         let detail = format!("`label` has {} bytes; give {MAX_LABEL} at most", label.len());
         return Err(Problem::new(INVALID_BODY, detail));

@@ -83,6 +83,7 @@ pub(in crate::http) enum ScopeName {
 #[serde(deny_unknown_fields)]
 #[schema(as = NewKey, example = json!({"tenant": "show-7", "label": "render farm", "scope": "write"}))]
 pub(in crate::http) struct NewKeyDocument {
+    #[schema(pattern = "^[a-z0-9-]{1,63}$")]
     pub tenant: String,
     /// What people call it.
     #[schema(max_length = 200)]

@@ -30,6 +30,7 @@ pub(in crate::http) struct PageListParameters {
     #[param(minimum = 1, maximum = 100, default = 20)]
     limit: Option<u32>,
     /// Where to go on: from the last answer's `next`.
+    #[param(value_type = Option<String>, format = Uuid)]
     cursor: Option<String>,
 }
 

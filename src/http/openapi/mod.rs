@@ -100,6 +100,10 @@ pub fn openapi() -> Value {
     describe_other_errors(&mut document);
     tell_head_from_get(&mut document);
     describe_bytes(&mut document);
+    let labels = &mut document["components"]["schemas"]["Changes"]["properties"]["labels"];
+    labels["propertyNames"] = json!({"pattern": "^[A-Za-z0-9_.-]{1,63}$"});
+    labels["additionalProperties"]["maxLength"] = 200.into();
+    labels["maxProperties"] = 16.into();
     uploads::describe(&mut document);
     describe_access(&mut document);
     for (name, schema) in foreign_schemas() {
@@ -149,6 +153,19 @@ const ARTIFACT_MEDIA_TYPES: [&str; 11] = [
     "application/zip",
 ];
 
+/// An entry of an event stream.
+fn event_schema() -> Value {
+    json!({
+        "type": "object",
+        "required": ["id", "event", "data"],
+        "properties": {
+            "id": {"type": "string", "description": "Number of the event, from 1 without gaps."},
+            "event": {"type": "string", "description": "Its kind."},
+            "data": {"type": "string", "contentMediaType": "application/json"},
+        },
+    })
+}
+
 /// Bodies that are bytes: not lists of numbers, and of artifacts every type there is.
 fn describe_bytes(document: &mut Value) {
     let binary = json!({"schema": {"type": "string", "format": "binary"}});
@@ -162,12 +179,20 @@ fn describe_bytes(document: &mut Value) {
             let Some(content) = response.get_mut("content").and_then(Value::as_object_mut) else {
                 continue;
             };
+            if let Some(stream) = content.get_mut("text/event-stream") {
+                stream["schema"] = event_schema();
+            }
             if content.values().any(|body| body["schema"]["items"]["format"] == "int32") {
                 let types: Vec<String> = match is_artifact {
                     true => ARTIFACT_MEDIA_TYPES.map(str::to_owned).to_vec(),
                     false => content.keys().cloned().collect(),
                 };
-                *content = types.into_iter().map(|name| (name, binary.clone())).collect();
+                let body = |name: String| {
+                    // JSON is parsed before anybody sees its bytes.
+                    let is_json = name == "application/json";
+                    (name, if is_json { json!({"schema": {}}) } else { binary.clone() })
+                };
+                *content = types.into_iter().map(body).collect();
             }
         }
     }
