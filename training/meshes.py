@@ -1,5 +1,5 @@
 """Models (pack.py) as training subjects: chosen by kind, varied, sorted into grid shapes; see `data.batch`."""
-import math, queue, threading
+import math, multiprocessing as mp
 import numpy as np, torch
 from data import BUCKETS
 
@@ -30,12 +30,12 @@ class Meshes:
         for kind in np.unique(s.kinds):
             of = s.kinds == kind; w[of] = SHARES.get(str(kind), .06) / of.sum()
         w *= np.where(s.solid < OPEN, .4, 1) * np.where(m > 16000, .3, 1)
-        s.w = w / w.sum(); s.props = np.isin(s.kinds, ['weapon-tool', 'building-prop', 'plant-food']) & (s.solid >= OPEN) & (m < 4000)
+        s.p = w / w.sum(); s.props = np.isin(s.kinds, ['weapon-tool', 'building-prop', 'plant-food']) & (s.solid >= OPEN) & (m < 4000)
         s.rng = np.random.default_rng(seed); s.b = [[] for _ in BUCKETS]; s.q = None
 
     def subject(s):
         """points, corners, codes, kind, whether it is a shell"""
-        r = s.rng; i = int(r.choice(len(s.w), p=s.w)); p, t, c = s.points[i].copy(), s.corners[i], s.codes[i]; shell = s.solid[i] < OPEN
+        r = s.rng; i = int(r.choice(len(s.p), p=s.p)); p, t, c = s.points[i].copy(), s.corners[i], s.codes[i]; shell = s.solid[i] < OPEN
         kind = str(s.kinds[i]); figure = kind.startswith(('humanoid', 'animal', 'quadruped', 'robot'))
         if r.random() < (.2 if figure else .08):          # something held, worn or standing by
             j = int(r.choice(np.flatnonzero(s.props))); q = s.points[j]; q = (q - (q.max(0) + q.min(0)) / 2) * np.float32(r.uniform(.15, .5))
@@ -63,7 +63,7 @@ class Meshes:
             centre = (lo + hi) / 2 + r.uniform(-.35, .35, 3) * np.minimum(slack, .2 * e.max())
             s.b[bk].append((p, t, c, np.array([*centre, pitch], np.float32), kind, shell))
 
-    def pick(s, B, bk=None, pin=False):
+    def pick(s, B, bk=None):
         """a batch on the host: grid shape; points, corners, owners, codes, shells, grids; kinds"""
         while (max(len(x) for x in s.b) if bk is None else len(s.b[bk])) < B: s.refill()
         w = np.array([len(x) if len(x) >= B else 0 for x in s.b], float)
@@ -72,19 +72,21 @@ class Meshes:
         first = np.cumsum([0] + [len(x[0]) for x in it[:-1]])
         arrays = (np.concatenate([x[0] for x in it]), np.concatenate([x[1] + f for x, f in zip(it, first)]).astype(np.int32), np.repeat(np.arange(B), [len(x[1]) for x in it]).astype(np.int32),
                   np.concatenate([x[2] for x in it]), np.array([x[5] for x in it]), np.stack([x[3] for x in it]))
-        held = [torch.from_numpy(np.ascontiguousarray(x)) for x in arrays]
-        return bk, [x.pin_memory() if pin else x for x in held], [x[4] for x in it]
+        return bk, [np.ascontiguousarray(x) for x in arrays], [x[4] for x in it]
 
-    def ahead(s, B, pin):
-        """batches of B are made by a thread from now on"""
-        s.q = queue.Queue(maxsize=6)
-        def work():
-            while True: s.q.put(s.pick(B, pin=pin))
-        threading.Thread(target=work, daemon=True).start()
+    def ahead(s, B, workers, seed):
+        """batches of B are made by processes from now on; call before CUDA is touched"""
+        s.q = mp.Queue(maxsize=3 * workers)
+        def work(i):
+            s.rng = np.random.default_rng([seed, i])
+            while True: s.q.put(s.pick(B))
+        s.w = [mp.Process(target=work, args=(i,), daemon=True) for i in range(workers)]
+        for w in s.w: w.start()
 
     def take(s, ker, B, bk=None):
         bk, held, kinds = s.q.get() if s.q else s.pick(B, bk)
-        *scene, g = [x.to(ker.dev, non_blocking=True) for x in held]
+        held = [torch.from_numpy(x) for x in held]
+        *scene, g = [x.pin_memory().to(ker.dev, non_blocking=True) if ker.dev == 'cuda' else x for x in held]
         return bk, MeshScene(*scene), g, kinds
 
 
@@ -98,11 +100,12 @@ class MeshScene:
         for axis, (dim, flip) in enumerate(((3, False), (2, False), (1, True))):
             n, k = total[:, axis], count[:, axis]
             if flip: n, k = n.flip(dim), k.flip(dim)
-            below = n.cumsum(dim); sees = k.cumsum(dim); whole, all_ = below.narrow(dim, -1, 1), sees.narrow(dim, -1, 1)
-            w = below.float() - whole.float() / 2; c = (sees > 0).int() + (all_ - sees > 0).int(); hit = k > 0
-            if flip: w, c, hit = w.flip(dim), c.flip(dim), hit.flip(dim)
-            sides.append(w); closed = closed + c; surface = surface | hit
-        solid = torch.stack(sides).median(0)[0].abs() > .5   # of three axes: one may miss a crossing
+            below = n.cumsum(dim, dtype=torch.int32); sees = k.cumsum(dim, dtype=torch.int32); whole, all_ = below.narrow(dim, -1, 1), sees.narrow(dim, -1, 1)
+            w = below.float() - whole.float() / 2; hit = k > 0; k = (sees > 0).to(torch.uint8) + (all_ > sees).to(torch.uint8)
+            if flip: w, k, hit = w.flip(dim), k.flip(dim), hit.flip(dim)
+            sides.append(w); closed = closed + k; surface = surface | hit
+        a, b, c = sides                                       # their median: one may miss a crossing
+        solid = torch.maximum(torch.minimum(a, b), torch.minimum(torch.maximum(a, b), c)).abs() > .5
         return (solid | s.shells.view(-1, 1, 1, 1) & ((closed == 6) | surface)).float()
 
 
