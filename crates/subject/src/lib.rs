@@ -17,6 +17,7 @@ mod clutter;
 mod cutting;
 mod edges;
 mod gaps;
+mod holes;
 mod hypotheses;
 mod ink;
 mod lettering;

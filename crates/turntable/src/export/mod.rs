@@ -11,8 +11,9 @@ use picture::{EncodeError, FloatImage, normals_png, png, silhouette_png};
 use crate::depth::normals_from_depth;
 use crate::draft::Draft;
 use crate::fit::Redrawn;
-use crate::surface::projection::{Rig, best_views};
-use glb::{Drawn, solid_glb, textured_glb};
+use crate::surface::projection::Rig;
+use crate::texture::texture;
+use glb::{Drawn, no_triangles, solid_glb, textured_glb};
 use obj::quad_obj;
 
 /// Disparity is that towards a view this far on, degrees.
@@ -72,14 +73,11 @@ pub fn model_files(
         drawings: draft.views.views().iter().map(|view| &**view).collect(),
         placement,
     };
-    let labels = best_views(&solid.mesh, &rig);
+    let textured = texture(draft).ok_or_else(no_triangles)?;
     let artifacts = vec![
         Artifact::new(ArtifactName::Solid, solid_glb(&solid.mesh, &solid.support, &drawn)?),
         Artifact::new(ArtifactName::SolidObj, quad_obj(&solid.mesh, placement).into_bytes()),
-        Artifact::new(
-            ArtifactName::Textured,
-            textured_glb(&solid.mesh, &labels, &drawn, reference_planes)?,
-        ),
+        Artifact::new(ArtifactName::Textured, textured_glb(&textured, &drawn, reference_planes)?),
         Artifact::new(ArtifactName::Thumbnail, thumbnail(&solid.mesh)?),
     ];
     Ok(Files { artifacts, ..Files::default() })
