@@ -9,7 +9,7 @@ use image::codecs::webp::WebPDecoder;
 use image::{AnimationDecoder, ImageDecoder, ImageFormat, Limits};
 
 /// What to do about a format that is not read.
-pub(crate) const REMEDY: &str = "export it as PNG, JPEG, WebP or TIFF";
+pub(crate) const REMEDY: &str = "export it as PNG, JPEG, WebP, TIFF or SVG";
 /// What to do about several pictures in one file.
 pub(crate) const ONE_BY_ONE: &str =
     "send each picture as a view of its own, or the file as a page with azimuths";

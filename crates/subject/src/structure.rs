@@ -25,11 +25,6 @@ pub(crate) const CLEAR_COLOUR: f32 = 11.0;
 /// What differs from paper by less than this share of what painted areas do is
 /// a halo of their compression.
 const HALO: f32 = 0.18;
-/// Painted areas are lighter than so much ink.
-const LIGHTER_THAN_INK: f32 = 0.8;
-/// Neighbours in an even area differ by less, share of full ink and levels.
-const EVEN_INK: f32 = 0.02;
-const EVEN_COLOUR: f32 = 4.0;
 /// A gap that matters shuts in this share of the figure's size, squared.
 const LEAST_GAIN: f64 = 0.012;
 /// An outline that encloses less of its bounds is open.
@@ -104,9 +99,7 @@ impl Structure {
         let mut painted = above(&colour, tone.tolerance.max(CLEAR_COLOUR));
         let around = own.cleared.dilated(2.0);
         painted = painted.and_not(&around);
-        let wide = painted.opened((1.5 * own.stroke + 1.0) as f32);
-        // Thin parts are painted too where they are even and lighter than ink.
-        let areas = wide.or(&even(&ink, &colour).and_not(&painted.not()).opened(1.0));
+        let areas = painted.opened((1.5 * own.stroke + 1.0) as f32);
         let mut barrier = lines.clone().or(&areas);
         let coverage = own.coverage(&barrier, &areas);
         if coverage > COLOURED {
@@ -264,24 +257,6 @@ impl Structure {
             self.warnings.push(Warning::BusyPaper { share: tone.foreign_border() });
         }
     }
-}
-
-/// Where neither tone nor colour changes, and the tone is not that of ink.
-fn even(ink: &Raster<f32>, colour: &Raster<f32>) -> Bits {
-    let (w, h) = (ink.width, ink.height);
-    let mut even = Bits::filled(w, h, false);
-    for y in 1..h.saturating_sub(1) {
-        for x in 1..w.saturating_sub(1) {
-            let at = y * w + x;
-            let beside = [at - 1, at + 1, at - w, at + w];
-            even.data[at] = ink.data[at] < LIGHTER_THAN_INK
-                && beside.iter().all(|&other| {
-                    (ink.data[other] - ink.data[at]).abs() < EVEN_INK
-                        && (colour.data[other] - colour.data[at]).abs() < EVEN_COLOUR
-                });
-        }
-    }
-    even
 }
 
 /// What lines enclose once the gaps between them are closed.

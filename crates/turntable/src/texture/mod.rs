@@ -41,7 +41,7 @@ pub struct Textured {
 ///
 /// A point takes the colours of all drawings that see it, the more the straighter they face it
 /// and the farther it lies from where surfaces hide each other. What none sees is taken from the
-/// mirror image if the draft was mirrored, or else from the nearest surface that has a colour.
+/// mirror image if the drawings are symmetric, or else from the nearest surface that has a colour.
 /// Outlines' ink stays out; lines inside of them are kept.
 pub fn texture(draft: &Draft<'_>) -> Option<Textured> {
     let mesh = &draft.solid.mesh;
@@ -53,7 +53,8 @@ pub fn texture(draft: &Draft<'_>) -> Option<Textured> {
         .into_par_iter()
         .map(|view| Camera::new(draft, &rig, view))
         .collect();
-    let mirror = draft.solid.report.mirror_plane;
+    let report = &draft.solid.report;
+    let mirror = report.mirror_plane.or(report.symmetric_about);
     let colours = |point: &_, normal: &_| blend::colour(&cameras, &rig, mirror, point, normal);
     Some(textured(mesh, &rig, &best_views(mesh, &rig), &colours))
 }
