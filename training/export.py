@@ -36,7 +36,7 @@ def folded(state):
             axis = 1 if transposed else 0
             weight = weight * scale.reshape([-1 if i == axis else 1 for i in range(weight.ndim)])
             bias = (bias - part['running_mean']) * scale + part['bias']
-        name = path.removesuffix('.0') if last == '0' and norm + '.running_mean' in state else path
+        name = path.removesuffix('.0') if last == '0' else path
         root, rest = name.split('.', 1)
         out[f'{ROOTS[root]}.{rest}.weight'] = weight.astype(np.float16)
         out[f'{ROOTS[root]}.{rest}.bias'] = bias.astype(np.float32)
