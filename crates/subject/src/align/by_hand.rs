@@ -64,9 +64,10 @@ fn grow(alignment: &mut Alignment, views: &[View<'_>]) {
         above = above.max(-(scale * found.rows[0] + dy));
         below = below.max(scale * found.rows[1] + dy - height);
     }
-    let most = |growth: f64, side: f64| growth.ceil().clamp(0.0, (MAX_GROWTH - 1.0) * side / 2.0);
-    let (aside, above, below) =
-        (most(half - width / 2.0, width), most(above, height), most(below, height));
+    let within = |growth: f64, most: f64| growth.ceil().clamp(0.0, most);
+    let aside = within(half - width / 2.0, (MAX_GROWTH - 1.0) * (width / 2.0).floor());
+    let above = within(above, (MAX_GROWTH - 1.0) * height);
+    let below = within(below, (MAX_GROWTH - 1.0) * height - above);
     for found in &mut alignment.views {
         found.transform.dx += aside;
         found.transform.dy += above;

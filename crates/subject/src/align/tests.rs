@@ -170,7 +170,6 @@ fn what_a_person_says_of_a_view_is_done() {
     let truth = mask(45.0, 1.0, 0.0, 0.0, SIZE);
     let differing = aligned[1].mask.iter().zip(truth.iter()).filter(|(a, b)| a != b).count();
     assert!(differing < 700, "{differing}");
-    assert_eq!(aligned[2].mask, subjects[2].mask);
 }
 
 #[test]
@@ -191,6 +190,7 @@ fn the_canvas_grows_for_what_is_placed_beyond_it() {
     // The others stand on the same row and turn about the same column.
     assert_eq!(area(&aligned[0].mask), area(&subjects[0].mask));
     hands[3].scale = Some(1e6);
+    let mut alignment = align(&views, &AlignOptions::default());
     place_by_hand(&mut alignment, &views, &hands);
-    assert!(alignment.canvas.width <= 4 * SIZE.0 && alignment.canvas.height <= 4 * SIZE.1);
+    assert!(alignment.canvas.width <= 2 * SIZE.0 && alignment.canvas.height <= 2 * SIZE.1);
 }

@@ -66,7 +66,7 @@ fn every_face_shows_the_colour_of_its_place() {
 fn drawings_colour_the_sides_they_show_and_outlines_stay_out() {
     let view = |degrees: f64, fill: [u8; 3]| {
         let inside = |x: u32, y: u32| (20..80).contains(&x) && (10..70).contains(&y);
-        let edge = |x: u32, y: u32| x < 22 || x >= 78 || y < 12 || y >= 68;
+        let edge = |x: u32, y: u32| !(22..78).contains(&x) || !(12..68).contains(&y);
         let image = GrayImage::from_fn(100, 80, |x, y| {
             Luma([if inside(x, y) && edge(x, y) { 0 } else { 255 }])
         });
