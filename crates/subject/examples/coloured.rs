@@ -31,7 +31,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     paths.retain(|path| path.extension().is_some_and(|ending| ending == "glb"));
     paths.sort();
     let chosen: Vec<PathBuf> = paths.into_iter().step_by(every).collect();
-    let found: Vec<(String, String, f64)> = chosen
+    let found: Vec<Measured> = chosen
         .par_iter()
         .flat_map(|path| measured(path, width, height).unwrap_or_default())
         .collect();
@@ -59,12 +59,15 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
+/// View, variant, IoU.
+type Measured = (String, String, f64);
+
 /// Per view and variant the IoU of the silhouette that is found; 0 for none.
 fn measured(
     path: &std::path::Path,
     width_px: u32,
     height_px: u32,
-) -> Result<Vec<(String, String, f64)>, Box<dyn Error>> {
+) -> Result<Vec<Measured>, Box<dyn Error>> {
     let model = load(&std::fs::read(path)?, ModelFormat::Glb, None, &Limits::default())?;
     let model = PreparedModel::new(&model)?;
     let name = path.file_stem().unwrap_or_default().to_string_lossy();
