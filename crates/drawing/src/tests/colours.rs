@@ -56,10 +56,9 @@ fn transparent_drawings_show_the_same_on_any_paper() {
         let on_blue = drawn(&model, ink, Background::Colour(blue)).into_rgb8();
         for (cut, expected) in cut.pixels().zip(on_blue.pixels()) {
             let alpha = cut.0[3];
-            for channel in 0..3 {
-                let level = crate::paint::mixed(blue[channel], cut.0[channel], alpha);
-                let off = i32::from(level) - i32::from(expected.0[channel]);
-                assert!(off.abs() <= 2, "{cut:?} {expected:?}");
+            for ((under, over), expected) in blue.into_iter().zip(cut.0).zip(expected.0) {
+                let level = crate::paint::mixed(under, over, alpha);
+                assert!(level.abs_diff(expected) <= 2, "{cut:?} {expected}");
             }
         }
     }
