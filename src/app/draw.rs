@@ -12,7 +12,7 @@ use serde_json::json;
 use super::failure::Failure;
 use super::inputs;
 use artifacts::Artifact;
-use drawing::{DrawError, DrawOptions, PreparedModel, SheetLimits, draw_sheet};
+use drawing::{Background, DrawError, DrawOptions, PreparedModel, SheetLimits, draw_sheet};
 use frames::UpAxis;
 use mesh::builtin::ProceduralModel;
 use mesh::read::{self, Limits, Model, ModelFormat};
@@ -34,6 +34,12 @@ pub(super) struct DrawArgs {
     /// Which axis of the file points up, y or z; glTF has y, the others are read as z
     #[arg(long, value_name = "AXIS")]
     up_axis: Option<String>,
+    /// What is drawn: lines, or lines on the model's colours: flat or shaded
+    #[arg(long, value_name = "INK", default_value = "lines")]
+    ink: String,
+    /// What is behind the subject: white, grey, transparent, or a colour as #rrggbb
+    #[arg(long, value_name = "PAPER", default_value_t = Background::White)]
+    background: Background,
     /// Imperfections as in drawings by hand: light, middle or heavy
     #[arg(long, value_name = "PRESET")]
     degrade: Option<String>,
@@ -68,7 +74,7 @@ impl FromStr for Source {
 /// Draws a model sheet with its ground truth and writes it to a folder.
 pub(super) fn run(args: &DrawArgs) -> Result<(), Failure> {
     let options = chosen_options(args).map_err(Failure::Usage)?;
-    let model = load(args).map_err(Failure::Input)?;
+    let model = chosen_model(args).map_err(Failure::Input)?;
     let prepared = PreparedModel::new(&model)?;
     let bar = Bar::new();
     let mut files = 0;
@@ -86,32 +92,41 @@ pub(super) fn run(args: &DrawArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-fn load(args: &DrawArgs) -> Result<Model> {
+fn chosen_model(args: &DrawArgs) -> Result<Model> {
     let path = match &args.model {
         Source::Builtin(model) => return Ok(model.build()),
         Source::File(path) => path,
     };
-    let name = path.display();
-    let format = ModelFormat::from_file_name(&path.to_string_lossy()).with_context(|| {
-        format!("{name}: the name's ending is none of glb, gltf, obj, ply, stl")
-    })?;
     let up_axis: Option<UpAxis> = args
         .up_axis
         .as_ref()
         .map(|axis| serde_json::from_value(json!(axis)))
         .transpose()
         .context("--up-axis")?;
+    load(path, up_axis)
+}
+
+/// Reads a model of any format.
+///
+/// * `up_axis`: if it is not the format's usual one.
+pub(super) fn load(path: &Path, up_axis: Option<UpAxis>) -> Result<Model> {
+    let name = path.display();
+    let format = ModelFormat::from_file_name(&path.to_string_lossy()).with_context(|| {
+        format!("{name}: the name's ending is none of glb, gltf, obj, ply, stl")
+    })?;
     let size = fs::metadata(path).with_context(|| name.to_string())?.len();
     let limits = Limits::default();
     if size > limits.max_bytes as u64 {
         return Err(anyhow!("{name} has {size} bytes, over the limit of {}", limits.max_bytes));
     }
-    let bytes = inputs::read_file(path.as_ref()).with_context(|| name.to_string())?;
+    let bytes = inputs::read_file(path).with_context(|| name.to_string())?;
     read::load(&bytes, format, up_axis, &limits).with_context(|| name.to_string())
 }
 
 fn chosen_options(args: &DrawArgs) -> Result<DrawOptions> {
-    let mut chosen = json!({ "degrade": { "seed": args.seed } });
+    let mut chosen = json!({
+        "ink": args.ink, "background": args.background, "degrade": { "seed": args.seed },
+    });
     if let Some(preset) = &args.degrade {
         options::merge(&mut chosen, json!({ "degrade": { "preset": preset } }));
     }

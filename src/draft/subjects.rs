@@ -10,9 +10,9 @@ use rayon::prelude::*;
 use serde::Serialize;
 use sheet::{View, ViewDocument};
 use subject::{
-    AlignOptions, Aligned, Alignment, DrawingKind, Gap, Hints, HypothesisOptions, PaperSummary,
-    Piece, Point, Polarity, Removed, Subject, SubjectError, SubjectOptions, Suggestion, align,
-    apply, find, hypotheses, trust,
+    AlignOptions, Aligned, Alignment, ByHand, DrawingKind, Gap, Hints, HypothesisOptions,
+    PaperSummary, Piece, Point, Polarity, Removed, Subject, SubjectError, SubjectOptions,
+    Suggestion, align, apply, find, hypotheses, place_by_hand, trust,
 };
 
 use super::DraftError;
@@ -88,6 +88,12 @@ pub(super) fn prepare(
     observer: &dyn Observer,
 ) -> Result<(Vec<View>, Preparation), DraftError> {
     views.sort_by_key(|view| view.azimuth);
+    if let Some((view, (field, value, accepted))) =
+        views.iter().find_map(|view| Some((view, view.document.wrong_place()?)))
+    {
+        let detail = format!("view {}: {field} is {value}; give {accepted}", view.azimuth);
+        return Err(DraftError::input(FailureCode::InvalidSheet, detail));
+    }
     let found: Vec<_> =
         views.par_iter().with_max_len(1).map(|view| find_in(view, options, observer)).collect();
     let mut subjects = found.into_iter().collect::<Result<Vec<Subject>, _>>()?;
@@ -247,7 +253,24 @@ fn paired<'a>(views: &[DecodedView<'_>], subjects: &'a [Subject]) -> Vec<subject
 }
 
 fn aligned(views: &[DecodedView<'_>], subjects: &[Subject]) -> Alignment {
-    align(&paired(views, subjects), &AlignOptions::default())
+    let pairs = paired(views, subjects);
+    let mut alignment = align(&pairs, &AlignOptions::default());
+    let hands: Vec<ByHand> = views.iter().map(by_hand).collect();
+    place_by_hand(&mut alignment, &pairs, &hands);
+    alignment
+}
+
+/// What the document says of a view's place.
+fn by_hand(view: &DecodedView<'_>) -> ByHand {
+    let document = view.document;
+    let width = f64::from(view.drawing.width());
+    // A mirrored drawing was turned back.
+    let turned = |x: f64| if document.mirrored { width - x } else { x };
+    ByHand {
+        axis_x: document.axis_x.map(turned),
+        ground_y: document.ground_y,
+        scale: document.scale,
+    }
 }
 
 /// Whether views differ by more than the method's own registration mends.
@@ -258,7 +281,8 @@ fn needs_canvas(alignment: &Alignment) -> bool {
         let transform = &view.transform;
         let top = transform.scale * view.rows[0] + transform.dy - view.rows[0];
         let axis = transform.scale * view.axis_x + transform.dx - view.axis_x;
-        (transform.scale - 1.0).abs() > REGISTERED_SCALE
+        view.by_hand
+            || (transform.scale - 1.0).abs() > REGISTERED_SCALE
             || top.abs().max(axis.abs()) > REGISTERED_SHIFT * height
     })
 }

@@ -58,11 +58,7 @@ impl<'a> Truths<'a> {
         if views.is_empty() && model.is_none() {
             return Ok(None);
         }
-        let options = ComparisonOptions {
-            grid_cells: options.grid_cells as usize,
-            samples: options.samples as usize,
-            ..ComparisonOptions::default()
-        };
+        let options = ComparisonOptions::from(options);
         let truths = Self { document, read, limits, options, views, model };
         let checked: Vec<_> = pool.install(|| {
             let views = truths.views.par_iter().with_max_len(1);

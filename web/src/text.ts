@@ -29,7 +29,7 @@ export const text = {
     },
     nothing: {
       empty: "There are no files in this.",
-      unknown: "None of these files can be used: drawings are PNG, JPEG, WebP, TIFF or GIF, models GLB, glTF, OBJ, PLY or STL.",
+      unknown: "None of these files can be used: drawings are PNG, JPEG, WebP, TIFF, GIF or SVG, models GLB, glTF, OBJ, PLY or STL.",
       models: "One model at a time: its sheet is drawn, then reconstructed.",
       zip: "This archive cannot be read.",
     },

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use super::documents::{DegradationDocument, sheet_document};
 use super::files::{ArtifactKind, depth_counts};
 use super::page::{InkBounds, PageView, compose_page};
+use super::paint::mixed;
 use super::svg::svg;
 use super::truth::{disparity_towards, normalised_inverse_depth};
 use super::view::check_camera;
@@ -180,15 +181,25 @@ fn view_files(
     Ok(ViewFiles { files, summary: ViewSummary { page_view, error: view.error } })
 }
 
-/// The page is white, whatever is behind the views.
-fn on_white(image: &DynamicImage) -> image::GrayImage {
+/// The page is white behind views that have nothing behind them.
+fn on_white(image: &DynamicImage) -> DynamicImage {
+    let level = |colour: u8, alpha: u8| mixed(255, colour, alpha);
     match image {
         DynamicImage::ImageLumaA8(inked) => {
             image::GrayImage::from_fn(inked.width(), inked.height(), |x, y| {
-                image::Luma([255 - inked.get_pixel(x, y).0[1]])
+                let [grey, alpha] = inked.get_pixel(x, y).0;
+                image::Luma([level(grey, alpha)])
             })
+            .into()
         }
-        other => other.to_luma8(),
+        DynamicImage::ImageRgba8(painted) => {
+            image::RgbImage::from_fn(painted.width(), painted.height(), |x, y| {
+                let [r, g, b, alpha] = painted.get_pixel(x, y).0;
+                image::Rgb([r, g, b].map(|colour| level(colour, alpha)))
+            })
+            .into()
+        }
+        other => other.clone(),
     }
 }
 
@@ -203,7 +214,7 @@ fn finished_sheet(
     let page_views: Vec<_> = views.iter().map(|view| &view.page_view).collect();
     let page = compose_page(&page_views, options);
     let mut artifacts = vec![
-        ArtifactKind::Page.with_image(&DynamicImage::ImageLuma8(page))?,
+        ArtifactKind::Page.with_image(&page)?,
         ArtifactKind::Model.with(super::obj::obj(model).into_bytes()),
     ];
     if let Some(degradation) = DegradationDocument::new(errors, options) {

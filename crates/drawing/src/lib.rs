@@ -2,8 +2,10 @@
 //!
 //! Orthographic line drawings on a turntable (METHOD.md, section 7): occluding contours, borders,
 //! creases and material boundaries, hidden lines removed, as anti-aliased pictures and as vector
-//! strokes, together with what is true of each view: depth, disparity, mask, normals.
+//! strokes, in the model's colours if asked for, together with what is true of each view: depth,
+//! disparity, mask, normals.
 
+mod background;
 mod bvh;
 mod camera;
 mod chain;
@@ -21,6 +23,7 @@ mod limits;
 mod obj;
 mod options;
 mod page;
+mod paint;
 mod prepared;
 mod rules;
 mod svg;
@@ -32,6 +35,7 @@ mod wobble;
 #[cfg(test)]
 mod tests;
 
+pub use background::Background;
 pub use camera::Camera;
 pub use chain::Stroke;
 pub use degrade::{Degradation, ViewError};
@@ -41,7 +45,7 @@ pub use error::DrawError;
 pub use features::LineKind;
 pub use files::ArtifactKind;
 pub use limits::SheetLimits;
-pub use options::{Background, ContourStyle, DrawOptions};
+pub use options::{ContourStyle, DrawOptions, Ink};
 pub use prepared::PreparedModel;
 pub use svg::svg;
 pub use truth::{GroundTruth, disparity_towards, normalised_inverse_depth};

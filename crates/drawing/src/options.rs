@@ -6,6 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::DrawError;
+use super::background::Background;
 use super::degrade_options::DegradeOptions;
 use options::{OptionProblem, OptionSet, Schema, check_set};
 
@@ -41,7 +42,10 @@ pub struct DrawOptions {
     pub crease_angle_deg: f64,
     /// How occluding contours are found.
     pub contours: ContourStyle,
-    /// What is behind the lines.
+    /// What is drawn: lines alone, or on the model's colours.
+    pub ink: Ink,
+    /// What is behind the subject: white, grey, transparent, or a colour as #rrggbb. Lines alone are
+    /// white where that is dark.
     pub background: Background,
     /// Imperfections as in drawings by hand.
     pub degrade: DegradeOptions,
@@ -60,14 +64,18 @@ pub enum ContourStyle {
     Polygonal,
 }
 
-/// What is behind the lines.
+/// What is drawn of the model.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
-#[expect(missing_docs, reason = "the schema describes it")]
-pub enum Background {
+pub enum Ink {
+    /// Its lines.
     #[default]
-    White,
-    Transparent,
+    Lines,
+    /// Lines on its colours, which are those of vertices and materials; models that give none get
+    /// one a material.
+    Flat,
+    /// The same, lit from the viewer's upper left.
+    Shaded,
 }
 
 impl Default for DrawOptions {
@@ -83,6 +91,7 @@ impl Default for DrawOptions {
             line_width_px: 1.5,
             crease_angle_deg: 134.43,
             contours: ContourStyle::Auto,
+            ink: Ink::Lines,
             background: Background::White,
             degrade: DegradeOptions::default(),
         }

@@ -1,17 +1,19 @@
 //! The page that shows all views of a sheet with their angles.
 
-use image::{GrayImage, Luma, imageops};
+use image::{DynamicImage, ImageBuffer, Luma, Pixel, Rgb, imageops};
 use nalgebra::Point2;
 
 use super::ink::ink_coverage;
 use super::lettering::lettering;
+use super::paint::mixed;
 use super::{DrawOptions, Stroke};
 use frames::Azimuth;
 
 /// A view as it goes on the page.
 pub(super) struct PageView {
     pub azimuth: Azimuth,
-    pub image: GrayImage,
+    /// Grey or RGB.
+    pub image: DynamicImage,
     /// First and last column and row that hold ink; `None` for an empty view.
     pub ink: Option<InkBounds>,
 }
@@ -40,22 +42,37 @@ const MAX_COLUMNS: usize = 8;
 /// Puts the views side by side at the same scale and on the same ground, with their angles below;
 /// more than eight go on several rows.
 ///
-/// With labels and what stays empty of the last row, the page has at most four times the pixels
+/// Grey if all views are. With labels and what stays empty of the last row, the page has at most four times the pixels
 /// of the views.
-pub(super) fn compose_page(views: &[&PageView], options: &DrawOptions) -> GrayImage {
+pub(super) fn compose_page(views: &[&PageView], options: &DrawOptions) -> DynamicImage {
+    // White behind views that have nothing behind them.
+    let [r, g, b] = options.background.paper().unwrap_or([255; 3]);
+    if views.iter().all(|view| view.image.color() == image::ColorType::L8) {
+        compose(views, options, Luma([r]), DynamicImage::into_luma8).into()
+    } else {
+        compose(views, options, Rgb([r, g, b]), DynamicImage::into_rgb8).into()
+    }
+}
+
+fn compose<P: Pixel<Subpixel = u8>>(
+    views: &[&PageView],
+    options: &DrawOptions,
+    paper: P,
+    converted: fn(DynamicImage) -> ImageBuffer<P, Vec<u8>>,
+) -> ImageBuffer<P, Vec<u8>> {
     let window = Window::around(views, options);
     let letter_px = (f64::from(options.height_px) / 30.0).clamp(8.0, 48.0);
     let label_px = (2.5 * letter_px) as u32;
     let columns = views.len().clamp(1, MAX_COLUMNS) as u32;
     let rows = (views.len() as u32).div_ceil(columns);
     let (width, height) = (columns * window.width, rows * (window.height + label_px));
-    let mut page = GrayImage::from_pixel(width, height, Luma([255]));
+    let mut page = ImageBuffer::from_pixel(width, height, paper);
     let mut labels = Vec::new();
     for (index, view) in views.iter().enumerate() {
         let left = (index as u32 % columns) * window.width;
         let top = (index as u32 / columns) * (window.height + label_px);
-        let crop = imageops::crop_imm(&view.image, window.x, window.y, window.width, window.height);
-        imageops::replace(&mut page, &crop.to_image(), left.into(), top.into());
+        let crop = view.image.crop_imm(window.x, window.y, window.width, window.height);
+        imageops::replace(&mut page, &converted(crop), left.into(), top.into());
         let below = Point2::new(
             f64::from(left) + f64::from(window.width) / 2.0,
             f64::from(top + window.height) + 0.5 * letter_px,
@@ -63,8 +80,9 @@ pub(super) fn compose_page(views: &[&PageView], options: &DrawOptions) -> GrayIm
         labels.extend(lettering(&format!("{}°", view.azimuth), below, letter_px));
     }
     let ink = ink_coverage(&labels, width, height, 1, options.line_width_px.max(1.5));
+    let pen = options.background.contrasting();
     for (pixel, ink) in page.pixels_mut().zip(ink.pixels()) {
-        pixel.0[0] = pixel.0[0].min(255 - ink.0[0]);
+        pixel.apply(|level| mixed(level, pen, ink.0[0]));
     }
     page
 }

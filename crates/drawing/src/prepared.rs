@@ -5,9 +5,10 @@ use std::borrow::Cow;
 use nalgebra::{Point3, Vector3};
 
 use super::bvh::TriangleTree;
+use super::paint::material_colour;
 use super::{DrawError, DrawOptions};
 use mesh::Mesh;
-use mesh::read::Model;
+use mesh::read::{LinearRgb, Model};
 
 /// A model with what all its views share: edges and normals.
 #[derive(Clone, Debug)]
@@ -18,6 +19,8 @@ pub struct PreparedModel {
     /// Unit normals of the triangles.
     pub(super) face_normals: Vec<Vector3<f64>>,
     pub(super) corner_normals: Option<Vec<[Vector3<f64>; 3]>>,
+    /// At the triangles' corners.
+    pub(super) corner_colours: Vec<[LinearRgb; 3]>,
     pub(super) edges: Vec<Edge>,
     /// The triangles at each edge, as `Edge::faces` counts them.
     edge_faces: Vec<EdgeFace>,
@@ -55,6 +58,7 @@ impl PreparedModel {
             materials: Vec::new(),
             face_normals: Vec::new(),
             corner_normals: model.corner_normals.as_ref().map(|_| Vec::new()),
+            corner_colours: Vec::new(),
             edges: Vec::new(),
             edge_faces: Vec::new(),
             radius: 0.0,
@@ -81,7 +85,10 @@ impl PreparedModel {
             return;
         };
         self.mesh.triangles.push(triangle);
-        self.materials.push(model.materials.get(index).copied().unwrap_or(0));
+        let material = model.materials.get(index).copied().unwrap_or(0);
+        self.materials.push(material);
+        let colours = model.corner_colours.as_ref().and_then(|colours| colours.get(index));
+        self.corner_colours.push(colours.copied().unwrap_or([material_colour(material); 3]));
         self.face_normals.push(normal);
         if let (Some(kept), Some(given)) = (&mut self.corner_normals, &model.corner_normals) {
             kept.push(given.get(index).copied().unwrap_or([normal; 3]));

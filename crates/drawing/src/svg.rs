@@ -4,9 +4,11 @@ use std::fmt::Write as _;
 
 use nalgebra::Point2;
 
-use super::{Background, DrawOptions, LineKind, Stroke};
+use super::options::Ink;
+use super::{DrawOptions, LineKind, Stroke};
 
-/// Writes strokes as an SVG of the drawing's size, one group for each kind of line.
+/// Writes strokes as an SVG of the drawing's size, one group for each kind of line; lines and paper
+/// only, no colours of the model.
 pub fn svg(strokes: &[Stroke], options: &DrawOptions) -> String {
     const KINDS: [LineKind; 5] = [
         LineKind::Silhouette,
@@ -16,14 +18,23 @@ pub fn svg(strokes: &[Stroke], options: &DrawOptions) -> String {
         LineKind::Material,
     ];
     let (width, height) = (options.width_px, options.height_px);
+    let dark = options.ink == Ink::Lines && options.background.contrasting() == 255;
+    let pen = if dark { "white" } else { "black" };
     let mut text = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
-         viewBox=\"0 0 {width} {height}\" fill=\"none\" stroke=\"black\" stroke-width=\"{}\" \
+         viewBox=\"0 0 {width} {height}\" fill=\"none\" stroke=\"{pen}\" stroke-width=\"{}\" \
          stroke-linecap=\"round\" stroke-linejoin=\"round\">\n",
         options.line_width_px
     );
-    if options.background == Background::White {
-        text.push_str("<rect width=\"100%\" height=\"100%\" fill=\"white\" stroke=\"none\"/>\n");
+    if let Some([r, g, b]) = options.background.paper() {
+        let fill = match [r, g, b] {
+            [255, 255, 255] => "white".to_owned(),
+            _ => format!("#{r:02x}{g:02x}{b:02x}"),
+        };
+        let _ = writeln!(
+            text,
+            "<rect width=\"100%\" height=\"100%\" fill=\"{fill}\" stroke=\"none\"/>"
+        );
     }
     for kind in KINDS {
         let of_kind: Vec<_> = strokes.iter().filter(|stroke| stroke.kind == kind).collect();
@@ -106,6 +117,7 @@ fn distance(p: Point2<f64>, a: Point2<f64>, b: Point2<f64>) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Background;
 
     fn stroke(points: &[[f64; 2]]) -> Stroke {
         Stroke {

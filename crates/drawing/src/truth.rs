@@ -1,12 +1,15 @@
-//! Depth, mask and normals of a view, pixel by pixel.
+//! Depth, mask, normals and colours of a view, pixel by pixel.
 
 use image::{GrayImage, Luma, Rgb, RgbImage};
 use nalgebra::Vector3;
 
 use super::camera::Camera;
 use super::features::ViewedModel;
+use super::options::Ink;
+use super::paint::{Paint, painted};
 use super::{DrawError, DrawOptions, PreparedModel};
 use mesh::raster::SampleBuffer;
+use mesh::read::LinearRgb;
 use picture::FloatImage;
 
 /// What is known about one view of the model, pixel by pixel.
@@ -24,82 +27,131 @@ pub struct GroundTruth {
     pub normals: RgbImage,
 }
 
-/// Renders the ground truth of a view.
-///
-/// # Errors
-/// [`DrawError::TooComplex`] if the triangles cover each other too many times.
-pub(super) fn ground_truth(
-    model: &PreparedModel,
-    camera: &Camera,
-    options: &DrawOptions,
-) -> Result<GroundTruth, DrawError> {
-    let factor = options.supersampling;
-    let fine = camera.refined(f64::from(factor));
-    let viewed = ViewedModel::new(model, &fine);
-    let mut samples = SampleBuffer::new(
-        (options.width_px * factor) as usize,
-        (options.height_px * factor) as usize,
-    );
-    samples.draw((0..model.mesh.triangles.len()).map(|face| viewed.corners(face)))?;
-    Ok(gather(&samples, &viewed, &fine, options))
+/// A view of a model, sampled: the nearest surface at each of a pixel's samples.
+pub(super) struct SampledView<'a> {
+    samples: SampleBuffer,
+    viewed: ViewedModel<'a>,
+    /// Of the samples.
+    camera: Camera,
+    size: [u32; 2],
+    /// Samples of a pixel on each axis.
+    factor: usize,
 }
 
-fn gather(
-    samples: &SampleBuffer,
-    viewed: &ViewedModel<'_>,
-    camera: &Camera,
-    options: &DrawOptions,
-) -> GroundTruth {
-    let (width, height) = (options.width_px, options.height_px);
-    let mut truth = GroundTruth {
-        depth: FloatImage::from_pixel(width, height, Luma([f32::NAN])),
-        mask: GrayImage::new(width, height),
-        normals: RgbImage::new(width, height),
-    };
-    let factor = options.supersampling as usize;
-    let needed = (factor * factor).div_ceil(2);
-    let mut hits: Vec<usize> = Vec::with_capacity(factor * factor);
-    for (x, y, depth) in truth.depth.enumerate_pixels_mut() {
-        let first = y as usize * factor * samples.width + x as usize * factor;
-        samples.hits(first, factor, &mut hits);
-        if hits.len() < needed {
-            continue;
-        }
-        hits.sort_unstable_by(|&a, &b| samples.samples[a].z.total_cmp(&samples.samples[b].z));
-        let nearest = hits[..needed].iter().map(|&hit| f64::from(samples.samples[hit].z));
-        let z = nearest.sum::<f64>() / needed as f64;
-        depth.0[0] = camera.depth_from_view(z) as f32;
-        truth.mask.put_pixel(x, y, Luma([255]));
-        let normals = hits[..needed].iter().map(|&hit| normal_at(samples, viewed, camera, hit));
-        truth.normals.put_pixel(x, y, encoded(normals.sum()));
+impl<'a> SampledView<'a> {
+    /// # Errors
+    /// [`DrawError::TooComplex`] if the triangles cover each other too many times.
+    pub(crate) fn new(
+        model: &'a PreparedModel,
+        camera: &Camera,
+        options: &DrawOptions,
+    ) -> Result<Self, DrawError> {
+        let factor = options.supersampling;
+        let fine = camera.refined(f64::from(factor));
+        let viewed = ViewedModel::new(model, &fine);
+        let size = [options.width_px, options.height_px];
+        let [width, height] = size.map(|side| (side * factor) as usize);
+        let mut samples = SampleBuffer::new(width, height);
+        samples.draw((0..model.mesh.triangles.len()).map(|face| viewed.corners(face)))?;
+        Ok(Self { samples, viewed, camera: fine, size, factor: factor as usize })
     }
-    truth
-}
 
-/// The normal seen at a sample, turned towards the viewer.
-fn normal_at(
-    samples: &SampleBuffer,
-    viewed: &ViewedModel<'_>,
-    camera: &Camera,
-    index: usize,
-) -> Vector3<f64> {
-    let face = samples.samples[index].face as usize;
-    let mut normal = viewed.model.face_normals[face];
-    if let Some(corner_normals) = &viewed.model.corner_normals {
-        let [a, b, c] = viewed.corners(face);
-        let x = (index % samples.width) as f64 + 0.5 - a.x;
-        let y = (index / samples.width) as f64 + 0.5 - a.y;
+    /// What is true of the view.
+    pub(crate) fn truth(&self) -> GroundTruth {
+        let [width, height] = self.size;
+        let mut truth = GroundTruth {
+            depth: FloatImage::from_pixel(width, height, Luma([f32::NAN])),
+            mask: GrayImage::new(width, height),
+            normals: RgbImage::new(width, height),
+        };
+        let samples = &self.samples.samples;
+        let needed = (self.factor * self.factor).div_ceil(2);
+        let mut hits = Vec::with_capacity(self.factor * self.factor);
+        for (x, y, depth) in truth.depth.enumerate_pixels_mut() {
+            self.hits(x, y, &mut hits);
+            if hits.len() < needed {
+                continue;
+            }
+            hits.sort_unstable_by(|&a, &b| samples[a].z.total_cmp(&samples[b].z));
+            let nearest = hits[..needed].iter().map(|&hit| f64::from(samples[hit].z));
+            let z = nearest.sum::<f64>() / needed as f64;
+            depth.0[0] = self.camera.depth_from_view(z) as f32;
+            truth.mask.put_pixel(x, y, Luma([255]));
+            let normals = hits[..needed].iter().map(|&hit| self.normal_at(hit));
+            truth.normals.put_pixel(x, y, encoded(normals.sum()));
+        }
+        truth
+    }
+
+    /// The surface in its own colours: each pixel the mean of its samples that hit it.
+    pub(crate) fn painted(&self, ink: Ink) -> Paint {
+        let [width, height] = self.size;
+        let mut paint =
+            Paint { colours: RgbImage::new(width, height), cover: GrayImage::new(width, height) };
+        let all = self.factor * self.factor;
+        let mut hits = Vec::with_capacity(all);
+        for (x, y, pixel) in paint.colours.enumerate_pixels_mut() {
+            self.hits(x, y, &mut hits);
+            if hits.is_empty() {
+                continue;
+            }
+            let mut sums = [0_usize; 3];
+            for &hit in &hits {
+                let colour = painted(self.colour_at(hit), self.normal_at(hit), ink);
+                sums.iter_mut().zip(colour).for_each(|(sum, level)| *sum += usize::from(level));
+            }
+            // Means of bytes are bytes.
+            pixel.0 = sums.map(|sum| ((sum + hits.len() / 2) / hits.len()) as u8);
+            paint.cover.put_pixel(x, y, Luma([(255 * hits.len() / all) as u8]));
+        }
+        paint
+    }
+
+    fn hits(&self, x: u32, y: u32, hits: &mut Vec<usize>) {
+        let first = y as usize * self.factor * self.samples.width + x as usize * self.factor;
+        self.samples.hits(first, self.factor, hits);
+    }
+
+    /// How near a sample is to its triangle's corners: weights that add up to one.
+    fn weights(&self, index: usize) -> [f64; 3] {
+        let [a, b, c] = self.viewed.corners(self.samples.samples[index].face as usize);
+        let x = (index % self.samples.width) as f64 + 0.5 - a.x;
+        let y = (index / self.samples.width) as f64 + 0.5 - a.y;
         let (ab, ac) = ((b - a).xy(), (c - a).xy());
         let area = ab.perp(&ac);
         let v = (x * ac.y - y * ac.x) / area;
         let w = (y * ab.x - x * ab.y) / area;
-        let [n0, n1, n2] = corner_normals[face];
-        let interpolated = n0 * (1.0 - v - w) + n1 * v + n2 * w;
-        normal = interpolated.try_normalize(1e-9).unwrap_or(normal);
+        [1.0 - v - w, v, w]
     }
-    let in_view = camera.rotate(normal);
-    let sign = if in_view.z > 0.0 { -1.0 } else { 1.0 };
-    Vector3::new(in_view.x, -in_view.y, -in_view.z) * sign
+
+    fn colour_at(&self, index: usize) -> LinearRgb {
+        let face = self.samples.samples[index].face as usize;
+        let corners = self.viewed.model.corner_colours[face];
+        if corners[0] == corners[1] && corners[1] == corners[2] {
+            return corners[0];
+        }
+        let weights = self.weights(index).map(|weight| weight.clamp(0.0, 1.0) as f32);
+        let total = weights.iter().sum::<f32>().max(f32::MIN_POSITIVE);
+        std::array::from_fn(|channel| {
+            let terms = corners.iter().zip(weights).map(|(colour, w)| colour[channel] * w);
+            terms.sum::<f32>() / total
+        })
+    }
+
+    /// The normal seen at a sample, turned towards the viewer.
+    fn normal_at(&self, index: usize) -> Vector3<f64> {
+        let face = self.samples.samples[index].face as usize;
+        let mut normal = self.viewed.model.face_normals[face];
+        if let Some(corner_normals) = &self.viewed.model.corner_normals {
+            let [u, v, w] = self.weights(index);
+            let [n0, n1, n2] = corner_normals[face];
+            let interpolated = n0 * u + n1 * v + n2 * w;
+            normal = interpolated.try_normalize(1e-9).unwrap_or(normal);
+        }
+        let in_view = self.camera.rotate(normal);
+        let sign = if in_view.z > 0.0 { -1.0 } else { 1.0 };
+        Vector3::new(in_view.x, -in_view.y, -in_view.z) * sign
+    }
 }
 
 fn encoded(sum: Vector3<f64>) -> Rgb<u8> {

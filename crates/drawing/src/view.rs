@@ -2,8 +2,8 @@
 
 use std::io::Cursor;
 
+use image::DynamicImage;
 use image::codecs::jpeg::JpegEncoder;
-use image::{DynamicImage, GrayImage, Luma, LumaA};
 
 use super::bvh::TriangleTree;
 use super::camera::Camera;
@@ -12,8 +12,10 @@ use super::closing::close_outline;
 use super::degrade::{Degradation, ViewError, view_random};
 use super::features::{Node, Segment, ViewedModel};
 use super::ink::ink_coverage;
+use super::options::Ink;
+use super::paint::{composed, multiplied};
 use super::rules::LineRules;
-use super::truth::{GroundTruth, ground_truth};
+use super::truth::{GroundTruth, SampledView};
 use super::visibility::Visibility;
 use super::{Background, DrawError, DrawOptions, PreparedModel, SheetLimits};
 use frames::Azimuth;
@@ -25,7 +27,7 @@ pub struct DrawnView {
     pub azimuth: Azimuth,
     /// The camera of the ground truth: the view as the sheet states it.
     pub camera: Camera,
-    /// The drawing: grey on white, or black with an alpha channel.
+    /// The drawing, of as few channels as it needs: grey, grey with alpha, RGB or RGBA; sRGB.
     pub image: DynamicImage,
     /// The drawing's lines as vectors, px.
     pub strokes: Vec<Stroke>,
@@ -64,7 +66,8 @@ impl<'a> Drawer<'a> {
     /// # Errors
     /// [`DrawError::TooComplex`] if the model's triangles cover each other too often.
     pub fn truth_of_view(&self, azimuth: Azimuth) -> Result<GroundTruth, DrawError> {
-        ground_truth(self.model, &Camera::new(azimuth, &self.options), &self.options)
+        let camera = Camera::new(azimuth, &self.options);
+        Ok(SampledView::new(self.model, &camera, &self.options)?.truth())
     }
 
     /// Draws the view at `azimuth`.
@@ -73,13 +76,20 @@ impl<'a> Drawer<'a> {
     /// [`DrawError::TooComplex`] if the model's triangles hide each other too often.
     pub fn draw_view(&self, azimuth: Azimuth) -> Result<DrawnView, DrawError> {
         let camera = Camera::new(azimuth, &self.options);
-        let truth = ground_truth(self.model, &camera, &self.options)?;
+        let sampled = SampledView::new(self.model, &camera, &self.options)?;
+        let truth = sampled.truth();
         let mut random = view_random(self.options.degrade.seed, azimuth);
         let error = self.degradation.as_ref().map(|d| d.view_error(&mut random));
         let drawn_from = match &error {
             None => camera,
             Some(error) => self.misplaced(azimuth, error),
         };
+        let paint = match self.options.ink {
+            Ink::Lines => None,
+            ink if error.is_none() => Some(sampled.painted(ink)),
+            ink => Some(SampledView::new(self.model, &drawn_from, &self.options)?.painted(ink)),
+        };
+        drop(sampled);
         let mut strokes = self.strokes(&drawn_from)?;
         if let Some(degradation) = &self.degradation {
             strokes = degradation.redraw(&strokes, &mut random);
@@ -94,11 +104,17 @@ impl<'a> Drawer<'a> {
         let image = match &self.degradation {
             None => {
                 close_outline(&mut ink, &truth.mask);
-                on_background(&ink, self.options.background)
+                composed(&ink, paint.as_ref(), self.options.background)
             }
             Some(degradation) => {
-                let grey = degradation.on_paper(&ink, &mut random);
-                compressed(grey, degradation.jpeg_quality)?
+                let pencil = degradation.on_paper(&ink, &mut random);
+                ink.fill(0);
+                let paper = match self.options.background {
+                    Background::Transparent => Background::White,
+                    paper => paper,
+                };
+                let painted = composed(&ink, paint.as_ref(), paper);
+                compressed(multiplied(painted, &pencil), degradation.jpeg_quality)?
             }
         };
         Ok(DrawnView { azimuth, camera, image, strokes, truth, error })
@@ -151,34 +167,17 @@ pub(super) fn check_camera(radius: f64, options: &DrawOptions) -> Result<(), Dra
     Ok(())
 }
 
-fn on_background(ink: &GrayImage, background: Background) -> DynamicImage {
-    match background {
-        Background::White => {
-            let mut grey = ink.clone();
-            grey.iter_mut().for_each(|level| *level = 255 - *level);
-            DynamicImage::ImageLuma8(grey)
-        }
-        Background::Transparent => {
-            let pixels = image::ImageBuffer::from_fn(ink.width(), ink.height(), |x, y| {
-                let Luma([alpha]) = *ink.get_pixel(x, y);
-                LumaA([0, alpha])
-            });
-            DynamicImage::ImageLumaA8(pixels)
-        }
-    }
-}
-
 /// The drawing after a JPEG compression; quality 0 is none.
-fn compressed(grey: GrayImage, quality: u8) -> Result<DynamicImage, DrawError> {
+fn compressed(drawing: DynamicImage, quality: u8) -> Result<DynamicImage, DrawError> {
     if quality == 0 {
-        return Ok(DynamicImage::ImageLuma8(grey));
+        return Ok(drawing);
     }
     let failed = |error: image::ImageError| DrawError::Encoding {
         name: "the compressed drawing".to_owned(),
         reason: error.to_string(),
     };
     let mut bytes = Cursor::new(Vec::new());
-    JpegEncoder::new_with_quality(&mut bytes, quality).encode_image(&grey).map_err(failed)?;
+    JpegEncoder::new_with_quality(&mut bytes, quality).encode_image(&drawing).map_err(failed)?;
     let decoded = image::load_from_memory_with_format(bytes.get_ref(), image::ImageFormat::Jpeg);
-    Ok(DynamicImage::ImageLuma8(decoded.map_err(failed)?.into_luma8()))
+    decoded.map_err(failed)
 }

@@ -3,6 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::solid::ComparisonOptions;
+
 /// How the mesh is compared with the true model, where one came with the sheet.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
@@ -13,6 +15,16 @@ pub struct EvaluationOptions {
     /// Points on either surface.
     #[schemars(range(min = 1000, max = 1000000))]
     pub samples: u32,
+}
+
+impl From<&EvaluationOptions> for ComparisonOptions {
+    fn from(options: &EvaluationOptions) -> Self {
+        Self {
+            grid_cells: options.grid_cells as usize,
+            samples: options.samples as usize,
+            ..Self::default()
+        }
+    }
 }
 
 impl Default for EvaluationOptions {

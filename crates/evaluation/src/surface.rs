@@ -25,13 +25,23 @@ pub struct SurfaceReport {
     pub f_score: f64,
     /// Mean of |cos| between normals of nearest points, both ways' mean.
     pub normal_consistency: f64,
+    /// The share of our points on level surfaces, where the truth's nearest is not level: shelves
+    /// and steps that views from the side cannot rule out.
+    pub shelf_share: f64,
 }
+
+/// Level surfaces look straight up or down within this, degrees.
+const LEVEL_DEG: f64 = 10.0;
+/// A true surface that looks up or down within this excuses a level one, degrees.
+const NEARLY_LEVEL_DEG: f64 = 30.0;
 
 /// Nearest distances and |cos| of normals from each point of one surface.
 struct Directed {
     /// Sorted.
     distances: Vec<f64>,
     mean_cosine: f64,
+    /// Points whose own normal is level and the nearest one's is not.
+    shelves: usize,
 }
 
 /// Compares `ours` with `truth`, lengths divided by `longest_side`.
@@ -60,6 +70,7 @@ pub(super) fn compare_surfaces(
         recall,
         f_score: if both > 0.0 { 2.0 * precision * recall / both } else { 0.0 },
         normal_consistency: (there.mean_cosine + back.mean_cosine) / 2.0,
+        shelf_share: share(there.shelves, there.distances.len()),
     })
 }
 
@@ -69,19 +80,23 @@ fn directed(from: &[SurfacePoint], to: &[SurfacePoint], longest_side: f64) -> Op
     }
     let positions: Vec<[f64; 3]> = to.iter().map(|point| point.position.into()).collect();
     let tree = ImmutableKdTree::<f64, 3>::new_from_slice(&positions).ok()?;
-    let nearest: Vec<(f64, f64)> = from
+    let rise = |degrees: f64| degrees.to_radians().cos();
+    let (level, nearly) = (rise(LEVEL_DEG), rise(NEARLY_LEVEL_DEG));
+    let nearest: Vec<(f64, f64, bool)> = from
         .par_iter()
         .map(|point| {
             let query: [f64; 3] = point.position.into();
             let found = tree.query(&query).nearest_one::<SquaredEuclidean<f64>>().execute();
             let normal = to[found.item as usize].normal;
-            (found.distance.sqrt() / longest_side, point.normal.dot(&normal).abs())
+            let is_shelf = point.normal.z.abs() > level && normal.z.abs() < nearly;
+            (found.distance.sqrt() / longest_side, point.normal.dot(&normal).abs(), is_shelf)
         })
         .collect();
     let mean_cosine = nearest.iter().map(|pair| pair.1).sum::<f64>() / nearest.len() as f64;
+    let shelves = nearest.iter().filter(|found| found.2).count();
     let mut distances: Vec<f64> = nearest.into_iter().map(|pair| pair.0).collect();
     distances.sort_by(f64::total_cmp);
-    Some(Directed { distances, mean_cosine })
+    Some(Directed { distances, mean_cosine, shelves })
 }
 
 impl Directed {
@@ -122,6 +137,16 @@ mod tests {
         assert!((found.recall - 1.0).abs() < 1e-12);
         assert!((found.f_score - 0.8).abs() < 1e-12);
         assert!((found.normal_consistency - (2.8 / 3.0 + 1.0) / 2.0).abs() < 1e-12);
+        assert_eq!(found.shelf_share, 0.0);
+    }
+
+    #[test]
+    fn level_points_on_a_slope_are_shelves() {
+        let (up, slope) = (Vector3::z(), Vector3::new(0.8, 0.0, 0.6));
+        let ours = [at(0.0, up), at(1.0, -up), at(2.0, slope), at(9.0, up)];
+        let truth = [at(0.0, slope), at(1.0, slope), at(2.0, slope), at(9.0, up)];
+        let found = compare_surfaces(&ours, &truth, 10.0, 0.1).unwrap();
+        assert_eq!(found.shelf_share, 0.5);
     }
 
     #[test]

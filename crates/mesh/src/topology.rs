@@ -1,6 +1,6 @@
 //! Whether a mesh bounds a solid.
 
-use crate::Mesh;
+use crate::{Mesh, connected};
 
 /// Why a mesh does not bound a solid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -88,6 +88,25 @@ impl HalfEdges {
     pub fn find(&self, from: u32, to: u32) -> Option<&HalfEdge> {
         self.from(from).iter().find(|edge| edge.to == to)
     }
+}
+
+/// Handles of a closed surface, summed over its pieces: 0 for spheres, 1 for a torus.
+///
+/// From Euler's characteristic, V - E + F = 2 pieces - 2 genus; tells nothing of a mesh that
+/// [`check_manifold`] refuses.
+pub fn genus(mesh: &Mesh) -> i64 {
+    let links = mesh.triangles.iter().flat_map(|&[a, b, c]| [(a, b), (a, c)]);
+    let (labels, count) = connected::components(mesh.positions.len(), links);
+    let mut used = vec![false; mesh.positions.len()];
+    mesh.triangles.iter().flatten().for_each(|&vertex| used[vertex as usize] = true);
+    let mut is_piece = vec![false; count];
+    let of_used = labels.iter().zip(&used).filter(|(_, used)| **used);
+    of_used.for_each(|(&label, _)| is_piece[label as usize] = true);
+    let vertices = used.iter().filter(|used| **used).count() as i64;
+    let pieces = is_piece.iter().filter(|is_piece| **is_piece).count() as i64;
+    // Three edges a triangle, each shared by two.
+    let faces = mesh.triangles.len() as i64;
+    pieces - (vertices - faces * 3 / 2 + faces) / 2
 }
 
 /// Checks that `mesh` is watertight and a 2-manifold: every edge has two
@@ -181,5 +200,20 @@ mod tests {
         let mut both = tetrahedron(0);
         both.extend(tetrahedron(3));
         assert_eq!(check_manifold(&mesh(7, both)), Err(TopologyError::SplitFan { vertex: 3 }));
+    }
+
+    #[test]
+    fn handles_are_counted_over_all_pieces() {
+        use crate::builtin::{cuboid, torus};
+        assert_eq!(genus(&cuboid([1.0; 3]).mesh), 0);
+        let ring = torus(2.0, 0.5, 12, 8);
+        assert_eq!(genus(&ring.mesh), 1);
+        let mut both = ring.clone().mesh;
+        // A vertex that nothing uses is no piece.
+        both.positions.push(Point3::origin());
+        let first = both.positions.len() as u32;
+        both.positions.extend(&ring.mesh.positions);
+        both.triangles.extend(ring.mesh.triangles.iter().map(|t| t.map(|v| v + first)));
+        assert_eq!(genus(&both), 2);
     }
 }

@@ -3,6 +3,7 @@
 use std::io::Cursor;
 
 use super::kinds;
+use super::svg::{Svg, is_svg};
 
 use image::metadata::Orientation;
 use image::{
@@ -77,7 +78,7 @@ pub enum ImageError {
         limit: u64,
     },
     /// The bytes begin as none of the accepted formats does.
-    #[error("is not a PNG, JPEG, WebP, TIFF or GIF image")]
+    #[error("is not a PNG, JPEG, WebP, TIFF, GIF or SVG image")]
     NotAnImage,
     /// It is a picture, but of a kind that is not read.
     #[error("is {kind}, which is not read; {remedy}")]
@@ -104,6 +105,29 @@ pub enum ImageError {
     Damaged(String),
 }
 
+/// The format of a picture, by its first bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// One that has pixels of its own.
+    Pixels(ImageFormat),
+    /// SVG, which is drawn at its own size; small ones larger.
+    Svg,
+}
+
+impl Format {
+    /// The usual ending of such a file's name.
+    pub fn extension(self) -> &'static str {
+        match self {
+            Self::Svg => "svg",
+            Self::Pixels(ImageFormat::Jpeg) => "jpg",
+            Self::Pixels(ImageFormat::WebP) => "webp",
+            Self::Pixels(ImageFormat::Tiff) => "tiff",
+            Self::Pixels(ImageFormat::Gif) => "gif",
+            Self::Pixels(_) => "png",
+        }
+    }
+}
+
 /// A decoded drawing.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Drawing {
@@ -119,10 +143,14 @@ pub struct Drawing {
 ///
 /// # Errors
 /// All of [`ImageError`]; [`ImageError::Damaged`] if the header itself is cut.
-pub fn inspect(bytes: &[u8], limits: &ImageLimits) -> Result<(ImageFormat, u32, u32), ImageError> {
+pub fn inspect(bytes: &[u8], limits: &ImageLimits) -> Result<(Format, u32, u32), ImageError> {
     let size = bytes.len() as u64;
     if size > limits.max_bytes {
         return Err(ImageError::TooManyBytes { bytes: size, limit: limits.max_bytes });
+    }
+    if is_svg(bytes) {
+        let svg = Svg::parse(bytes, limits)?;
+        return Ok((Format::Svg, svg.width, svg.height));
     }
     if let Some(kind) = kinds::not_read(bytes) {
         return Err(ImageError::Unsupported { kind, remedy: kinds::REMEDY });
@@ -149,7 +177,7 @@ pub fn inspect(bytes: &[u8], limits: &ImageLimits) -> Result<(ImageFormat, u32, 
     }
     let (width, height) =
         if is_turned(orientation(&mut decoder)) { (height, width) } else { (width, height) };
-    Ok((format, width, height))
+    Ok((Format::Pixels(format), width, height))
 }
 
 /// Decodes a drawing to 8-bit grey after [`inspect`]ing it.
@@ -187,6 +215,9 @@ pub fn decode_color(bytes: &[u8], limits: &ImageLimits) -> Result<RgbaImage, Ima
 /// The picture as it is looked at: turned as its EXIF orientation says.
 fn decoded(bytes: &[u8], limits: &ImageLimits) -> Result<DynamicImage, ImageError> {
     let (format, width, height) = inspect(bytes, limits)?;
+    let Format::Pixels(format) = format else {
+        return Ok(Svg::parse(bytes, limits)?.rendered()?.into());
+    };
     if let Some(kind) = kinds::several(bytes, format, ImageLimits::of_picture(width, height)) {
         return Err(ImageError::Unsupported { kind, remedy: kinds::ONE_BY_ONE });
     }

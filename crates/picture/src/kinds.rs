@@ -9,9 +9,10 @@ use image::codecs::webp::WebPDecoder;
 use image::{AnimationDecoder, ImageDecoder, ImageFormat, Limits};
 
 /// What to do about a format that is not read.
-pub(crate) const REMEDY: &str = "export it as PNG, JPEG, WebP or TIFF";
+pub(crate) const REMEDY: &str = "export it as PNG, JPEG, WebP, TIFF or SVG";
 /// What to do about several pictures in one file.
-pub(crate) const ONE_BY_ONE: &str = "send each picture as a view of its own";
+pub(crate) const ONE_BY_ONE: &str =
+    "send each picture as a view of its own, or the file as a page with azimuths";
 
 /// The name of a known format that is not read, by the file's first bytes.
 pub(crate) fn not_read(bytes: &[u8]) -> Option<&'static str> {
@@ -23,20 +24,18 @@ pub(crate) fn not_read(bytes: &[u8]) -> Option<&'static str> {
         Some(b"heic" | b"heix" | b"hevc" | b"mif1" | b"msf1") => return Some("a HEIC image"),
         _ => {}
     }
-    let text = bytes.get(..512).unwrap_or(bytes);
-    let is_svg = text.windows(4).any(|window| window == b"<svg");
     if starts(b"%PDF") {
         Some("a PDF document")
     } else if starts(b"8BPS") {
         Some("a Photoshop document")
-    } else if is_svg {
-        Some("an SVG drawing")
+    } else if starts(b"\x1f\x8b") {
+        Some("a compressed file, such as SVGZ")
     } else if starts(b"II+\0") || starts(b"MM\0+") {
         Some("a BigTIFF image")
     } else if starts(b"\0\0\0\x0cJXL ") || starts(b"\xff\x0a") {
         Some("a JPEG XL image")
     } else {
-        None
+        tiff_not_read(bytes)
     }
 }
 
@@ -61,18 +60,94 @@ pub(crate) fn several(bytes: &[u8], format: ImageFormat, limits: Limits) -> Opti
     }
 }
 
+/// What a TIFF is that is packed or numbered as is not read, by its first page's tags.
+fn tiff_not_read(bytes: &[u8]) -> Option<&'static str> {
+    const COMPRESSION: usize = 259;
+    const SAMPLE_FORMAT: usize = 339;
+    let tiff = Tiff::of(bytes)?;
+    let page = tiff.first_page()?;
+    match tiff.tag(page, COMPRESSION) {
+        Some(50_000) => return Some("a TIFF image compressed by Zstandard"),
+        Some(50_001) => return Some("a TIFF image compressed by WebP"),
+        Some(34_712) => return Some("a TIFF image compressed by JPEG 2000"),
+        Some(34_887) => return Some("a TIFF image compressed by LERC"),
+        Some(6) => return Some("a TIFF image compressed by old JPEG"),
+        _ => {}
+    }
+    // 1 and 2 are whole numbers, 3 floating-point ones.
+    match tiff.tag(page, SAMPLE_FORMAT) {
+        Some(3) => Some("a TIFF image of floating-point numbers"),
+        _ => None,
+    }
+}
+
+/// A TIFF's bytes, to look up where its pages are.
+struct Tiff<'a> {
+    bytes: &'a [u8],
+    little: bool,
+}
+
+impl<'a> Tiff<'a> {
+    fn of(bytes: &'a [u8]) -> Option<Self> {
+        let little = bytes.starts_with(b"II*\0");
+        (little || bytes.starts_with(b"MM\0*")).then_some(Self { bytes, little })
+    }
+
+    fn number(&self, at: usize, size: usize) -> Option<usize> {
+        let bytes = self.bytes.get(at..at.checked_add(size)?)?;
+        let fold = |sum: usize, byte: &u8| sum << 8 | usize::from(*byte);
+        let little = bytes.iter().rev().fold(0, fold);
+        Some(if self.little { little } else { bytes.iter().fold(0, fold) })
+    }
+
+    fn first_page(&self) -> Option<usize> {
+        self.number(4, 4)
+    }
+
+    /// Where a page's bytes say where the next one is.
+    fn link(&self, page: usize) -> Option<usize> {
+        let entries = self.number(page, 2)?;
+        page.checked_add(2 + 12 * entries)
+    }
+
+    /// A tag's value, or the first of several; `None` if it is missing or no 16-bit number.
+    fn tag(&self, page: usize, wanted: usize) -> Option<usize> {
+        const SHORT: usize = 3;
+        let entries = self.number(page, 2)?;
+        let mut starts = (0..entries).map(|entry| page + 2 + 12 * entry);
+        let entry = starts.find(|&at| self.number(at, 2) == Some(wanted))?;
+        if self.number(entry + 2, 2)? != SHORT {
+            return None;
+        }
+        // More than two values are elsewhere.
+        let here = self.number(entry + 4, 4)? <= 2;
+        self.number(if here { entry + 8 } else { self.number(entry + 8, 4)? }, 2)
+    }
+}
+
 /// How many pages a TIFF has, two at most.
 fn tiff_pages(bytes: &[u8]) -> Option<usize> {
-    let little = bytes.starts_with(b"II");
-    let number = |at: usize, size: usize| -> Option<usize> {
-        let bytes = bytes.get(at..at.checked_add(size)?)?;
-        let fold = |sum: usize, byte: &u8| sum << 8 | usize::from(*byte);
-        Some(if little { bytes.iter().rev().fold(0, fold) } else { bytes.iter().fold(0, fold) })
-    };
-    let first = number(4, 4)?;
-    let entries = number(first, 2)?;
-    let next = number(first.checked_add(2 + 12 * entries)?, 4)?;
+    let tiff = Tiff::of(bytes)?;
+    let next = tiff.number(tiff.link(tiff.first_page()?)?, 4)?;
     Some(1 + usize::from(next != 0))
+}
+
+/// Each page of a TIFF as a file of that page alone, one after the other; without end if the
+/// pages name each other in a circle.
+pub fn tiff_pages_apart(bytes: &[u8]) -> impl Iterator<Item = Vec<u8>> + '_ {
+    let mut next = Tiff::of(bytes).and_then(|tiff| tiff.first_page());
+    std::iter::from_fn(move || {
+        let (tiff, page) = (Tiff::of(bytes)?, next?);
+        let link = tiff.link(page)?;
+        next = tiff.number(link, 4).filter(|&next| next != 0);
+        let mut alone = bytes.to_vec();
+        // Offsets in a TIFF have 32 bits.
+        let first = page as u32;
+        let first = if tiff.little { first.to_le_bytes() } else { first.to_be_bytes() };
+        alone.get_mut(4..8)?.copy_from_slice(&first);
+        alone.get_mut(link..link.checked_add(4)?)?.fill(0);
+        Some(alone)
+    })
 }
 
 #[cfg(test)]
@@ -85,10 +160,40 @@ mod tests {
         assert_eq!(named(b"\0\0\0\x20ftypavif\0\0"), "an AVIF image");
         assert_eq!(named(b"\0\0\0\x20ftypheic\0\0"), "a HEIC image");
         assert_eq!(named(b"%PDF-1.7"), "a PDF document");
-        assert_eq!(named(b"<?xml version='1.0'?><svg>"), "an SVG drawing");
+        assert_eq!(named(b"\x1f\x8b\x08\0"), "a compressed file, such as SVGZ");
         assert_eq!(named(b"II+\0\x08\0"), "a BigTIFF image");
         assert_eq!(not_read(b"\x89PNG\r\n"), None);
         assert_eq!(not_read(b""), None);
+    }
+
+    #[test]
+    fn tiffs_that_are_not_read_are_named_by_their_tags() {
+        // One entry of a page: tag, type, count, value.
+        let tiff = |tag: u16, value: u16| {
+            let mut bytes = b"II*\0\x08\0\0\0\x01\0".to_vec();
+            bytes.extend(tag.to_le_bytes());
+            bytes.extend([3, 0, 1, 0, 0, 0]);
+            bytes.extend(value.to_le_bytes());
+            bytes.extend([0; 6]);
+            bytes
+        };
+        assert_eq!(not_read(&tiff(259, 50_000)), Some("a TIFF image compressed by Zstandard"));
+        assert_eq!(not_read(&tiff(339, 3)), Some("a TIFF image of floating-point numbers"));
+        assert_eq!(not_read(&tiff(339, 1)), None);
+        assert_eq!(not_read(&tiff(259, 5)), None);
+    }
+
+    #[test]
+    fn pages_of_a_tiff_come_apart() {
+        // Two empty pages, at 8 and 14; the second names the first: a loop.
+        let mut file = b"II*\0\x08\0\0\0\0\0\x0e\0\0\0\0\0\0\0\0\0".to_vec();
+        let apart: Vec<_> = tiff_pages_apart(&file).collect();
+        assert_eq!(apart.len(), 2);
+        assert_eq!((apart[1][4], &apart[1][16..20]), (14, &[0; 4][..]));
+        assert!(apart.iter().all(|page| tiff_pages(page) == Some(1)));
+        file[16] = 8;
+        assert_eq!(tiff_pages_apart(&file).take(9).count(), 9);
+        assert_eq!(tiff_pages_apart(b"II*\0\xff\xff\xff\xff").count(), 0);
     }
 
     #[test]

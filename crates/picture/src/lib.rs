@@ -12,10 +12,14 @@ mod kinds;
 mod maps;
 mod pfm;
 mod png;
+mod svg;
 
-pub use decode::{Drawing, ImageError, ImageLimits, decode, decode_color, flatten, inspect};
+pub use decode::{
+    Drawing, Format, ImageError, ImageLimits, decode, decode_color, flatten, inspect,
+};
 pub use float_image::{FloatImage, ValueRange};
 pub use flood::{border, flooded};
+pub use kinds::tiff_pages_apart;
 pub use maps::{DepthEncoding, depth_png, disparity_png, normals_png, silhouette_png};
 pub use pfm::{PfmError, decode_pfm, encode_pfm};
 pub use png::{EncodeError, dynamic_png, png};

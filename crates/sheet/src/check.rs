@@ -345,6 +345,12 @@ fn check_numbers(document: &SheetDocument) -> Result<(), SheetProblem> {
         let place = "pixels_per_unit".to_owned();
         return Err(SheetProblem::InvalidNumber { place, value, accepted: "a number above 0" });
     }
+    for (index, view) in document.views.iter().enumerate() {
+        if let Some((field, value, accepted)) = view.wrong_place() {
+            let place = format!("views[{index}].{field}");
+            return Err(SheetProblem::InvalidNumber { place, value, accepted });
+        }
+    }
     for (index, hole) in document.holes.iter().enumerate() {
         if !hole.azimuth_deg.is_finite() {
             let place = format!("holes[{index}].azimuth_deg");
@@ -388,6 +394,20 @@ mod tests {
         let found: Vec<_> =
             placed.iter().map(|v| (v.azimuth.degrees(), v.elevation_deg, &*v.image)).collect();
         assert_eq!(found, [(0.0, 10.0, "0.png"), (90.0, 10.0, "90.png"), (315.0, -5.0, "-45.png")]);
+    }
+
+    #[test]
+    fn places_by_hand_must_be_numbers_in_range() {
+        let refused = |change: fn(&mut ViewDocument)| {
+            let mut sheet = document(&[0.0, 45.0, 90.0]);
+            change(&mut sheet.views[1]);
+            check_document(&sheet, &THREE).err().map(|problem| problem.to_string())
+        };
+        assert_eq!(refused(|view| view.scale = Some(2.0)), None);
+        let told = refused(|view| view.scale = Some(0.0)).unwrap();
+        assert_eq!(told, "views[1].scale is 0; give a factor from 0.125 to 8");
+        assert!(refused(|view| view.axis_x = Some(f64::NAN)).unwrap().contains("views[1].axis_x"));
+        assert!(refused(|view| view.ground_y = Some(1e9)).unwrap().contains("views[1].ground_y"));
     }
 
     #[test]

@@ -47,7 +47,7 @@ pub struct SheetDocument {
 #[serde(deny_unknown_fields)]
 #[expect(missing_docs, reason = "the schema describes it")]
 pub struct ViewDocument {
-    /// Name of the drawing: PNG, JPEG, WebP or TIFF.
+    /// Name of the drawing: PNG, JPEG, WebP, TIFF, GIF or SVG.
     pub image: String,
     /// Degrees, the camera moving counter-clockwise seen from above; 0 is the
     /// front, 90 shows the subject's left side.
@@ -69,6 +69,17 @@ pub struct ViewDocument {
     /// Points in pieces of the drawing that are not of the subject, px.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub ignore: Vec<[f64; 2]>,
+    /// The column of the turning axis in the drawing, px from its left edge.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub axis_x: Option<f64>,
+    /// The row on which the subject stands, px from the drawing's top edge.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ground_y: Option<f64>,
+    /// By what the drawing is multiplied to fit the others: 2 for one drawn at half their size.
+    /// What is not said of a view's place is found.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.125, max = 8))]
+    pub scale: Option<f64>,
     /// Whether the drawing is mirrored: it is turned back before it is used.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub mirrored: bool,
@@ -82,6 +93,9 @@ pub struct ViewDocument {
     pub disparity: Option<String>,
 }
 
+/// Places by hand are at most so far from a drawing's corner, px.
+const MAX_PLACE_PX: f64 = 65_536.0;
+
 /// What a picture of true values holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -93,6 +107,20 @@ pub enum TruthKind {
 }
 
 impl ViewDocument {
+    /// What is wrong with the view's place by hand: the field, its value, what would be accepted.
+    pub fn wrong_place(&self) -> Option<(&'static str, f64, &'static str)> {
+        let wrong = |field, value: Option<f64>, is_good: &dyn Fn(f64) -> bool, accepted| {
+            value.filter(|&value| !is_good(value)).map(|value| (field, value, accepted))
+        };
+        let on_page = |v: f64| v.is_finite() && v.abs() <= MAX_PLACE_PX;
+        wrong("axis_x", self.axis_x, &on_page, "a place on the drawing, px")
+            .or_else(|| wrong("ground_y", self.ground_y, &on_page, "a place on the drawing, px"))
+            .or_else(|| {
+                let is_good = |v| (0.125..=8.0).contains(&v);
+                wrong("scale", self.scale, &is_good, "a factor from 0.125 to 8")
+            })
+    }
+
     /// The picture of true values and what it holds.
     pub fn truth(&self) -> Option<(TruthKind, &str)> {
         let depth = self.depth.as_deref().map(|name| (TruthKind::Depth, name));

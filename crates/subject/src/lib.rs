@@ -17,6 +17,7 @@ mod clutter;
 mod cutting;
 mod edges;
 mod gaps;
+mod holes;
 mod hypotheses;
 mod ink;
 mod lettering;
@@ -35,8 +36,8 @@ mod subject;
 mod tone;
 
 pub use align::{
-    AlignOptions, Aligned, Alignment, Canvas, Transform, View, ViewAlignment, align, apply, median,
-    trust,
+    AlignOptions, Aligned, Alignment, ByHand, Canvas, Transform, View, ViewAlignment, align, apply,
+    median, place_by_hand, trust,
 };
 pub use hypotheses::{Hypotheses, HypothesisOptions, Suggestion, Verdict, hypotheses};
 pub use marks::{Marks, enclosed};

@@ -3,13 +3,13 @@
 
 use image::GrayImage;
 
-use crate::options::{Hints, HolePolicy, SubjectOptions};
+use crate::options::{Hints, SubjectOptions};
 use crate::pieces;
-use crate::raster::{Bits, Components, Raster, filled, grown};
+use crate::raster::{Bits, Raster, filled};
 use crate::report::{Box2, DrawingKind, Gap, Piece, Point, Removed, RemovedKind, Warning};
 use crate::subject::erased;
 use crate::tone::Tone;
-use crate::{clutter, edges, gaps, lettering, strokes};
+use crate::{clutter, edges, gaps, holes, lettering, strokes};
 
 /// A set of pixels at any size.
 pub(crate) type Area = Bits;
@@ -25,11 +25,6 @@ pub(crate) const CLEAR_COLOUR: f32 = 11.0;
 /// What differs from paper by less than this share of what painted areas do is
 /// a halo of their compression.
 const HALO: f32 = 0.18;
-/// A hole whose edge is to this share a mere stroke between it and the outside
-/// is a light area with an outline.
-const OUTLINED: f64 = 0.15;
-/// Smaller holes are the drawing's own noise, share of the figure's size.
-const LEAST_HOLE: f64 = 0.012;
 /// A gap that matters shuts in this share of the figure's size, squared.
 const LEAST_GAIN: f64 = 0.012;
 /// An outline that encloses less of its bounds is open.
@@ -129,7 +124,7 @@ impl Structure {
             own.close_gaps(&mut barrier, &lines, options)
         };
         own.bridged = barrier.clone().and_not(&drawn);
-        let inside = own.without_holes(inside, &barrier, &colour, &lines, options, hints);
+        let inside = holes::without(&own, inside, &barrier, &colour, &lines, options, hints);
         own.decide_pieces(inside, hints, options);
         own.judge(tone);
         own
@@ -235,87 +230,6 @@ impl Structure {
         inside
     }
 
-    /// Takes away areas that show paper through the figure.
-    fn without_holes(
-        &self,
-        inside: Bits,
-        barrier: &Bits,
-        colour: &Raster<f32>,
-        lines: &Bits,
-        options: &SubjectOptions,
-        hints: &Hints,
-    ) -> Bits {
-        let coloured = matches!(self.kind, DrawingKind::Flat | DrawingKind::Shaded);
-        let cut = match options.holes {
-            HolePolicy::ByKind => coloured,
-            HolePolicy::Cut => true,
-            HolePolicy::Fill => false,
-        };
-        let bare = inside.clone().and_not(&grown(barrier));
-        let size = figure_size(&inside.bounds().unwrap_or_default());
-        let least = (LEAST_HOLE * size).max(2.0).powi(2);
-        let regions = bare.components(false);
-        let outside: Vec<f32> = colour
-            .data
-            .iter()
-            .zip(inside.data.iter().zip(&lines.data))
-            .filter(|(_, (inside, line))| !**inside && !**line)
-            .map(|(c, _)| *c)
-            .collect();
-        let usual = outside.iter().sum::<f32>() / outside.len().max(1) as f32;
-        let mut sums = vec![0.0_f64; regions.parts.len()];
-        for (i, &label) in regions.labels.iter().enumerate().filter(|(_, label)| **label != 0) {
-            sums[label as usize - 1] += f64::from(colour.data[i]);
-        }
-        let hit = |points: &[Point], k: usize| {
-            points.iter().any(|p| {
-                let (x, y) = ((p.x / self.factor as f64) as i64, (p.y / self.factor as f64) as i64);
-                let inside =
-                    x >= 0 && y >= 0 && (x as usize) < bare.width && (y as usize) < bare.height;
-                inside && regions.labels[y as usize * bare.width + x as usize] == k as u32 + 1
-            })
-        };
-        let outlined = self.outlined_shares(&inside, &regions, bare.width);
-        let is_hole = |k: usize| {
-            let part = &regions.parts[k];
-            if hit(&hints.attach, k) {
-                return false;
-            }
-            if hit(&hints.ignore, k) {
-                return true;
-            }
-            let mean = sums[k] / part.area as f64;
-            cut && part.area as f64 >= least
-                && mean <= f64::from(usual) + 1.2
-                && !holds_islands(&regions.labels, k as u32 + 1, &part.bounds, bare.width)
-                && outlined[k] < OUTLINED
-        };
-        let holes = regions.select(bare.width, is_hole);
-        if holes.count() == 0 {
-            return inside;
-        }
-        // Back to the strokes around them.
-        let near = grown(&grown(&holes)).and_not(barrier);
-        inside.and_not(&holes.or(&near))
-    }
-
-    /// Per region the share of its edge that is only a stroke away from the
-    /// outside.
-    fn outlined_shares(&self, inside: &Bits, regions: &Components, width: usize) -> Vec<f64> {
-        let outside = inside.not().distance();
-        let near = (2.0 * self.stroke + 3.0) as f32;
-        let mut edges = vec![(0_u32, 0_u32); regions.parts.len()];
-        for (i, &label) in regions.labels.iter().enumerate().filter(|(_, label)| **label != 0) {
-            let beside = [i.wrapping_sub(1), i + 1, i.wrapping_sub(width), i + width];
-            if beside.iter().any(|&j| regions.labels.get(j).copied().unwrap_or(0) != label) {
-                let (all, thin) = &mut edges[label as usize - 1];
-                *all += 1;
-                *thin += u32::from(outside.data[i] <= near);
-            }
-        }
-        edges.iter().map(|(all, thin)| f64::from(*thin) / f64::from((*all).max(1))).collect()
-    }
-
     fn decide_pieces(&mut self, inside: Bits, hints: &Hints, options: &SubjectOptions) {
         let decided = pieces::decide(&inside, hints, self.factor, options.attach_distance);
         self.pieces = decided.pieces;
@@ -372,25 +286,6 @@ fn typical(values: &Raster<f32>, area: &Bits) -> f32 {
     }
     let middle = inner.len() / 2;
     *inner.select_nth_unstable_by(middle, f32::total_cmp).1
-}
-
-/// Whether a region encloses drawn parts that do not touch what is around it.
-fn holds_islands(labels: &[u32], own: u32, bounds: &Box2, width: usize) -> bool {
-    let (w, h) = (bounds.width() as usize + 2, bounds.height() as usize + 2);
-    let mut open = Bits::filled(w, h, true);
-    let mut area = 0;
-    for y in 0..bounds.height() as usize {
-        for x in 0..bounds.width() as usize {
-            let at = (y + bounds.top as usize) * width + x + bounds.left as usize;
-            if labels[at] == own {
-                open.data[(y + 1) * w + x + 1] = false;
-                area += 1;
-            }
-        }
-    }
-    let outside = open.reached_from_border();
-    let islands = open.and_not(&outside).count();
-    islands * 100 > area
 }
 
 /// The bounds of the largest connected part and of what is near its size.

@@ -13,6 +13,7 @@
 //! | [`solid`] | silhouettes, lines, depth maps | a field of signed distances: hull, creases, holes, carving | Laurentini 1994, the visual hull; Curless & Levoy 1996, fusion |
 //! | [`surface`] | field | a closed mesh, decimated, with what it rests on | Lorensen & Cline 1987; Garland & Heckbert 1997 |
 //! | [`depth`] again | solid | depth maps read off the solid where it is better bound than lines are | |
+//! | [`texture`] | draft, drawings | one texture in the drawings' colours | |
 //! | [`fit`] | draft | how well it, drawn again, matches each drawing | |
 //! | [`metrics`], [`export`] | draft | figures, warnings and files | glTF 2.0 |
 //!
@@ -36,6 +37,7 @@ pub mod registration;
 pub mod silhouette;
 pub mod solid;
 pub mod surface;
+pub mod texture;
 pub mod views;
 
 pub use draft::{Draft, DraftError, WORKING_BYTES_PER_PIXEL, reconstruct};

@@ -1,6 +1,7 @@
-//! A picture to judge depth maps by: drawing, truth, ours and error side by side.
+//! Pictures to judge by: of depth maps drawing, truth, ours and error side by side; of solids
+//! drawing, truth and ours.
 
-use image::{GrayImage, Luma, Rgb, RgbImage, imageops};
+use image::{DynamicImage, GrayImage, ImageResult, Luma, Rgb, RgbImage, imageops};
 
 use picture::FloatImage;
 
@@ -57,9 +58,40 @@ impl Row {
             let pale = 255 - (255.0 * (error.abs() / FULL_ERROR_PX).min(1.0)) as u8;
             if error > 0.0 { [255, pale, pale] } else { [pale, pale, 255] }
         });
-        let drawing = image::DynamicImage::from(self.drawing.clone()).to_rgb8();
+        let drawing = DynamicImage::from(self.drawing.clone()).to_rgb8();
         [drawing, nearness(&self.truth), nearness(&self.ours), error].map(shrunk)
     }
+}
+
+/// One subject's solids, as [`mesh::thumbnail`]s.
+#[derive(Clone)]
+pub(super) struct SolidRow {
+    /// Of the first view.
+    pub drawing: GrayImage,
+    pub truth: Vec<u8>,
+    pub ours: Vec<u8>,
+}
+
+/// Drawing, truth and draft of each subject, one below the other in their order; `None` if there
+/// is none.
+pub(super) fn solids(rows: &[SolidRow]) -> ImageResult<Option<RgbImage>> {
+    const SIDE: u32 = 256;
+    if rows.is_empty() {
+        return Ok(None);
+    }
+    let paper = Rgb([255; 3]);
+    let mut picture = RgbImage::from_pixel(7 * SIDE, SIDE * rows.len() as u32, paper);
+    for (row, y) in rows.iter().zip((0..).step_by(SIDE as usize)) {
+        let drawing = DynamicImage::from(row.drawing.clone());
+        let drawing = drawing.resize(SIDE, SIDE, imageops::FilterType::Triangle).into_rgb8();
+        let middle = i64::from(SIDE - drawing.height()) / 2;
+        imageops::replace(&mut picture, &drawing, 0, y + middle);
+        for (solid, x) in [(&row.truth, SIDE), (&row.ours, 4 * SIDE)] {
+            let solid = image::load_from_memory(solid)?.into_rgb8();
+            imageops::replace(&mut picture, &solid, i64::from(x), y);
+        }
+    }
+    Ok(Some(picture))
 }
 
 /// Black where there is no value.

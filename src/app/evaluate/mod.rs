@@ -1,11 +1,14 @@
-//! Runs the turntable method on sheets with ground truth and tabulates how good
-//! its depths and solids are.
+//! Runs the turntable method on sheets with ground truth, and on 3D models that it
+//! draws first, and tabulates how good its depths and solids are.
 
+mod compare;
 mod contact;
+mod corpus;
 mod report;
 mod sets;
 mod trial;
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -18,22 +21,45 @@ use super::config::LimitConfig;
 use super::failure::Failure;
 use super::inputs;
 use crate::draft;
+use drawing::DrawOptions;
+use evaluation::ComparisonOptions;
+use frames::Azimuth;
 
+use compare::Evaluation;
+use corpus::Subject;
 use report::Report;
-use sets::{SETS, Variant, ViewSet, variants};
-use trial::{SheetFolder, Trial};
+use sets::{Variant, ViewSet, usual_sets, variants};
+use trial::{Setting, Trial, TruthSheet};
 
 #[derive(Args, Debug)]
 pub(super) struct EvaluateArgs {
-    /// Folders that hold sheet.json with its drawings, true depths and true model
-    #[arg(value_name = "DIR", required = true)]
-    sheets: Vec<PathBuf>,
-    /// Folder for evaluation.json, evaluation.md and contact.png; made if missing
+    /// Folders that hold sheet.json with its drawings, true depths and true model; 3D models,
+    /// which are drawn first; or folders of either, other files in them being passed over
+    #[arg(value_name = "PATH", required = true)]
+    paths: Vec<PathBuf>,
+    /// Folder for evaluation.json, evaluation.md, contact.png and solids.png; made if missing
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
-    /// View sets to run, by name; all by default
+    /// View sets to run, by name; all by default, none beside those of --view-set
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     sets: Vec<String>,
+    /// A view set of one's own, such as T5=0:180:45; repeatable
+    #[arg(long = "view-set", value_name = "NAME=AZIMUTHS")]
+    view_sets: Vec<ViewSet>,
+    /// Markdown tables with columns name, kind and solid: means are told by kind, and over
+    /// subjects whose truth is closed (solid from 0.6 on)
+    #[arg(long, value_name = "FILE")]
+    index: Option<PathBuf>,
+    /// Subjects to run, by name; all by default
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    only: Vec<String>,
+    /// A drawing option for models, such as ink=flat or width_px=480; repeatable. They are fitted
+    /// to the frame
+    #[arg(long, value_name = "OPTION=VALUE")]
+    draw: Vec<String>,
+    /// Another run's folder: changes.md tells what got better and worse since
+    #[arg(long, value_name = "DIR")]
+    compare: Option<PathBuf>,
     /// Also run with the solid's ingredients added one by one
     #[arg(long)]
     ablation: bool,
@@ -49,31 +75,72 @@ pub(super) struct EvaluateArgs {
 
 /// Runs every view set on every sheet and writes the report.
 pub(super) fn run(args: &EvaluateArgs) -> Result<(), Failure> {
-    let sets = chosen_sets(&args.sets).map_err(Failure::Usage)?;
-    let options = chosen_options(&args.set)?;
+    let sets = chosen_sets(&args.sets, &args.view_sets).map_err(Failure::Usage)?;
+    let (options, comparison) = chosen_options(&args.set)?;
+    let draw = drawing_options(&args.draw).map_err(Failure::Usage)?;
+    let before = args.compare.as_deref().map(Evaluation::read).transpose();
+    let before = before.map_err(Failure::Input)?;
+    let subjects = chosen_subjects(args).map_err(Failure::Input)?;
+    let mut azimuths: Vec<Azimuth> = sets.iter().flat_map(|set| set.azimuths.0.clone()).collect();
+    azimuths.sort_unstable();
+    azimuths.dedup();
+    let limits = args.limits.image();
+    let setting = Setting { limits, draw: &draw, azimuths: &azimuths, comparison };
     let variants = variants(args.ablation);
     let threads = inputs::threads(args.threads);
-    let bar = progress_bar(args.sheets.len() * sets.len() * variants.len());
-    let mut report = Report::new(&options);
-    let mut contacts = Vec::new();
-    for path in &args.sheets {
-        let folder = SheetFolder::open(path, &args.limits.image()).map_err(Failure::Input)?;
+    let bar = progress_bar(subjects.len() * sets.len() * variants.len());
+    let mut report = Report::new(&options, &draw);
+    let mut pictures = Pictures::default();
+    for subject in &subjects {
+        let name = &subject.name;
+        let sheet = match TruthSheet::open(subject, &setting) {
+            Ok(sheet) => sheet,
+            // One bad model does not cost the run of a corpus.
+            Err(error) if subjects.len() > 1 => {
+                bar.suspend(|| eprintln!("{name}: {error:#}"));
+                report.refused(name, &format!("{error:#}"));
+                bar.inc((sets.len() * variants.len()) as u64);
+                continue;
+            }
+            Err(error) => return Err(Failure::Input(error)),
+        };
+        let mut entry = subject.entry.clone();
+        entry.closed = entry.closed.or_else(|| sheet.is_closed());
         for (set, variant) in sets.iter().flat_map(|set| variants.iter().map(move |v| (set, v))) {
-            bar.set_message(format!("{} {} {}", folder.name(), set.name, variant.name));
-            let trial = try_out(&folder, set, variant, &options, threads)?;
-            contacts.extend(trial.picture.clone());
-            report.add(set, variant, folder.name(), trial);
+            bar.set_message(format!("{name} {} {}", set.name, variant.name));
+            let mut trial = try_out(&sheet, set, variant, &options, threads)?;
+            pictures.depths.extend(trial.picture.take());
+            let is_first = set.name == sets[0].name && variant.name == variants[0].name;
+            pictures.solids.extend(trial.solids.take().filter(|_| is_first));
+            report.add(set, variant, name, &entry, trial);
             bar.inc(1);
         }
     }
     bar.finish_and_clear();
-    write(&args.output, &report, &contacts).map_err(Failure::Internal)?;
+    write(&args.output, &report, &pictures, before.as_ref()).map_err(Failure::Internal)?;
     print!("{}", report.markdown());
     Ok(())
 }
 
+fn chosen_subjects(args: &EvaluateArgs) -> Result<Vec<Subject>> {
+    let index = match &args.index {
+        Some(path) => {
+            let text = fs::read_to_string(path).with_context(|| path.display().to_string())?;
+            corpus::index(&text)
+        }
+        None => BTreeMap::new(),
+    };
+    corpus::subjects(&args.paths, &index, &args.only)
+}
+
+fn drawing_options(settings: &[String]) -> Result<DrawOptions> {
+    let mut chosen = json!({"fit": true});
+    inputs::lay_over(&mut chosen, settings)?;
+    options::parse_set(&chosen).context("drawing options")
+}
+
 fn try_out(
-    folder: &SheetFolder,
+    folder: &TruthSheet,
     set: &ViewSet,
     variant: &Variant,
     options: &Value,
@@ -84,32 +151,57 @@ fn try_out(
     folder.try_out(set, options, threads).map_err(Failure::Internal)
 }
 
-fn chosen_sets(names: &[String]) -> Result<Vec<&'static ViewSet>> {
+fn chosen_sets(names: &[String], own: &[ViewSet]) -> Result<Vec<ViewSet>> {
+    let usual = usual_sets();
     if names.is_empty() {
-        return Ok(SETS.iter().collect());
+        return Ok(if own.is_empty() { usual } else { own.to_vec() });
     }
-    let known = || SETS.iter().map(|set| set.name).collect::<Vec<_>>().join(", ");
+    let known = || usual.iter().map(|set| set.name.as_str()).collect::<Vec<_>>().join(", ");
     let find = |name: &String| {
-        let found = SETS.iter().find(|set| set.name.eq_ignore_ascii_case(name));
+        let found = usual.iter().find(|set| set.name.eq_ignore_ascii_case(name));
+        let found = found.cloned();
         found.ok_or_else(|| anyhow!("--sets: there is no view set {name}; there are {}", known()))
     };
-    names.iter().map(find).collect()
+    let named: Result<Vec<ViewSet>> = names.iter().map(find).collect();
+    Ok([named?, own.to_vec()].concat())
 }
 
-fn chosen_options(settings: &[String]) -> Result<Value, Failure> {
+fn chosen_options(settings: &[String]) -> Result<(Value, ComparisonOptions), Failure> {
     let mut chosen = json!({"method": "turntable"});
     inputs::lay_over(&mut chosen, settings).map_err(Failure::Usage)?;
-    draft::options::parse(&chosen)
+    let options = draft::options::parse(&chosen)
         .map_err(|problems| Failure::Input(anyhow!("options: {problems}")))?;
-    Ok(chosen)
+    Ok((chosen, ComparisonOptions::from(&options.evaluation)))
 }
 
-fn write(folder: &Path, report: &Report, contacts: &[contact::Row]) -> Result<()> {
+/// What the contact sheets show.
+#[derive(Default)]
+struct Pictures {
+    depths: Vec<contact::Row>,
+    solids: Vec<contact::SolidRow>,
+}
+
+fn write(
+    folder: &Path,
+    report: &Report,
+    pictures: &Pictures,
+    before: Option<&Evaluation>,
+) -> Result<()> {
     fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
-    fs::write(folder.join("evaluation.json"), serde_json::to_vec_pretty(report)?)?;
+    let json = serde_json::to_vec_pretty(report)?;
+    fs::write(folder.join("evaluation.json"), &json)?;
     fs::write(folder.join("evaluation.md"), report.markdown())?;
-    if let Some(picture) = contact::sheet(contacts) {
+    if let Some(before) = before {
+        let now: Evaluation = serde_json::from_slice(&json)?;
+        let changes = now.since(before);
+        fs::write(folder.join("changes.md"), &changes)?;
+        println!("{changes}");
+    }
+    if let Some(picture) = contact::sheet(&pictures.depths) {
         picture.save(folder.join("contact.png"))?;
+    }
+    if let Some(picture) = contact::solids(&pictures.solids)? {
+        picture.save(folder.join("solids.png"))?;
     }
     Ok(())
 }

@@ -2,9 +2,11 @@
 
 use std::fmt::Write;
 
+use drawing::DrawOptions;
 use serde::Serialize;
 use serde_json::Value;
 
+use super::corpus::Entry;
 use super::sets::{Variant, ViewSet};
 use super::trial::{Trial, ViewTrial};
 use evaluation::mean;
@@ -17,14 +19,18 @@ const QUARTER_DEG: f64 = 45.0;
 pub(super) struct Report {
     version: &'static str,
     options: Value,
+    /// Of models that were drawn first.
+    draw: DrawOptions,
+    /// Subjects that could not be read, and why.
+    refused: Vec<(String, String)>,
     runs: Vec<Run>,
 }
 
 /// A view set under one variant of the options.
 #[derive(Serialize)]
 struct Run {
-    set: &'static str,
-    azimuths_deg: &'static [f64],
+    set: String,
+    azimuths_deg: Vec<f64>,
     variant: &'static str,
     sheets: Vec<SheetTrial>,
 }
@@ -32,12 +38,28 @@ struct Run {
 #[derive(Serialize)]
 struct SheetTrial {
     sheet: String,
+    kind: Option<String>,
+    /// Whether the true surface closes.
+    closed: Option<bool>,
     #[serde(flatten)]
     trial: Trial,
 }
 
 /// A figure of a trial, absent where it cannot be had.
 type Figure = fn(&Trial) -> Option<f64>;
+
+/// More sheets are told of by kind, one a row, instead of one a column.
+const MOST_COLUMNS: usize = 12;
+
+/// What is told by kind: name, how many decimals, figure.
+const BY_KIND: &[(&str, usize, Figure)] = &[
+    ("IoU", 3, |t| t.solid.map(|s| s.iou)),
+    ("Chamfer-L1, %", 2, |t| t.solid.map(|s| 100.0 * s.surface.chamfer_l1)),
+    ("normal consistency", 3, |t| t.solid.map(|s| s.surface.normal_consistency)),
+    ("shelf share", 3, |t| t.solid.map(|s| s.surface.shelf_share)),
+    ("genus", 1, |t| Some(t.mesh.as_ref()?.genus? as f64)),
+    ("time, s", 2, |t| t.mesh.as_ref().map(|_| t.seconds)),
+];
 
 /// A table: what it shows, how many decimals, and the figure.
 const TABLES: &[(&str, usize, Figure)] = &[
@@ -85,25 +107,33 @@ fn lined(trial: &Trial) -> impl Iterator<Item = &ViewTrial> {
 }
 
 impl Report {
-    pub(super) fn new(options: &Value) -> Self {
+    pub(super) fn new(options: &Value, draw: &DrawOptions) -> Self {
         let version = env!("CARGO_PKG_VERSION");
-        Self { version, options: options.clone(), runs: Vec::new() }
+        let (options, draw) = (options.clone(), draw.clone());
+        Self { version, options, draw, refused: Vec::new(), runs: Vec::new() }
+    }
+
+    /// Notes a subject that could not be read.
+    pub(super) fn refused(&mut self, name: &str, reason: &str) {
+        self.refused.push((name.to_owned(), reason.to_owned()));
     }
 
     pub(super) fn add(
         &mut self,
-        set: &'static ViewSet,
+        set: &ViewSet,
         variant: &Variant,
         sheet: &str,
+        entry: &Entry,
         trial: Trial,
     ) {
-        let trial = SheetTrial { sheet: sheet.to_owned(), trial };
+        let Entry { kind, closed } = entry.clone();
+        let trial = SheetTrial { sheet: sheet.to_owned(), kind, closed, trial };
         let known = |run: &&mut Run| run.set == set.name && run.variant == variant.name;
         match self.runs.iter_mut().find(known) {
             Some(run) => run.sheets.push(trial),
             None => self.runs.push(Run {
-                set: set.name,
-                azimuths_deg: set.azimuths_deg,
+                set: set.name.clone(),
+                azimuths_deg: set.azimuths.0.iter().map(|azimuth| azimuth.degrees()).collect(),
                 variant: variant.name,
                 sheets: vec![trial],
             }),
@@ -114,14 +144,20 @@ impl Report {
     /// failures are told below.
     pub(super) fn markdown(&self) -> String {
         let mut text = format!("# Evaluation\n\nturnaround {}\n", self.version);
-        for (title, decimals, figure) in TABLES {
+        let by_kind = self.runs.iter().any(Run::is_told_by_kind);
+        if by_kind {
+            text += &self.runs.iter().map(Run::by_kind).collect::<String>();
+            text += &self.runs.iter().map(Run::by_subject).collect::<String>();
+        }
+        for (title, decimals, figure) in TABLES.iter().filter(|_| !by_kind) {
             let rows = self.runs.iter().filter_map(|run| run.row(*decimals, *figure));
             let rows: Vec<String> = rows.collect();
             if !rows.is_empty() {
                 let _ = write!(text, "\n## {title}\n\n{}{}", self.head(), rows.concat());
             }
         }
-        let failures: String = self.runs.iter().map(Run::failures).collect();
+        let refused = self.refused.iter().map(|(name, reason)| format!("- {name}: {reason}\n"));
+        let failures: String = refused.chain(self.runs.iter().map(Run::failures)).collect();
         if !failures.is_empty() {
             let _ = write!(text, "\n## Not run\n\n{failures}");
         }
@@ -136,6 +172,55 @@ impl Report {
 }
 
 impl Run {
+    fn is_told_by_kind(&self) -> bool {
+        self.sheets.len() > MOST_COLUMNS || self.sheets.iter().any(|sheet| sheet.kind.is_some())
+    }
+
+    /// Means by kind, then over subjects whose truth is closed and over all.
+    fn by_kind(&self) -> String {
+        let names: String = BY_KIND.iter().map(|(name, ..)| format!(" {name} |")).collect();
+        let rule = "---|".repeat(BY_KIND.len() + 2);
+        let mut text =
+            format!("\n## {} by kind\n\n| kind | subjects |{names}\n|{rule}\n", self.name());
+        let mut kinds: Vec<&str> =
+            self.sheets.iter().filter_map(|sheet| sheet.kind.as_deref()).collect();
+        kinds.sort_unstable();
+        kinds.dedup();
+        for kind in kinds {
+            text += &self.means(kind, &|sheet| sheet.kind.as_deref() == Some(kind));
+        }
+        text += &self.means("closed truths", &|sheet| sheet.closed == Some(true));
+        text + &self.means("all", &|_| true)
+    }
+
+    fn means(&self, title: &str, is_in: &dyn Fn(&SheetTrial) -> bool) -> String {
+        let group: Vec<_> = self.sheets.iter().filter(|sheet| is_in(sheet)).collect();
+        let cell = |(_, decimals, figure): &(&str, usize, Figure)| match mean(
+            group.iter().filter_map(|sheet| figure(&sheet.trial)),
+        ) {
+            Some(value) => format!(" {value:.decimals$} |"),
+            None => " |".to_owned(),
+        };
+        let cells: String = BY_KIND.iter().map(cell).collect();
+        format!("| {title} | {} |{cells}\n", group.len())
+    }
+
+    /// One row a subject, in the order of solids.png.
+    fn by_subject(&self) -> String {
+        let names: String = BY_KIND.iter().map(|(name, ..)| format!(" {name} |")).collect();
+        let rule = "---|".repeat(BY_KIND.len() + 2);
+        let rows = self.sheets.iter().map(|sheet| {
+            let cells = BY_KIND.iter().map(|(_, decimals, figure)| match figure(&sheet.trial) {
+                Some(value) => format!(" {value:.decimals$} |"),
+                None => " |".to_owned(),
+            });
+            let kind = sheet.kind.as_deref().unwrap_or("");
+            format!("| {} | {kind} |{}\n", sheet.sheet, cells.collect::<String>())
+        });
+        let rows: String = rows.collect();
+        format!("\n## {} by subject\n\n| subject | kind |{names}\n|{rule}\n{rows}", self.name())
+    }
+
     fn row(&self, decimals: usize, figure: Figure) -> Option<String> {
         let figures: Vec<_> = self.sheets.iter().map(|sheet| figure(&sheet.trial)).collect();
         let mean = mean(figures.iter().flatten().copied())?;
@@ -149,7 +234,7 @@ impl Run {
 
     fn name(&self) -> String {
         match self.variant {
-            "as chosen" => self.set.to_owned(),
+            "as chosen" => self.set.clone(),
             variant => format!("{} ({variant})", self.set),
         }
     }

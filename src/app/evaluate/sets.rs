@@ -1,57 +1,53 @@
 //! The view sets and option variants that `evaluate` tries.
 
+use std::str::FromStr;
+
+use frames::AzimuthList;
 use serde_json::{Value, json};
 
 /// Views that a studio might draw.
-#[derive(Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct ViewSet {
-    pub name: &'static str,
-    pub azimuths_deg: &'static [f64],
+    pub name: String,
+    pub azimuths: AzimuthList,
     /// Whether the views see enough of the subject to judge the solid.
     pub judges_solid: bool,
-    /// The view shown in the contact sheet.
+    /// The view shown in the contact sheet of depth, degrees.
     pub shown_deg: Option<f64>,
 }
 
 /// Front, three-quarter, side and back, a turn, the dissertation's sheets, and
 /// the three views from which depth was first measured.
-pub(super) const SETS: &[ViewSet] = &[
-    ViewSet { name: "FS", azimuths_deg: &[0.0, 90.0], judges_solid: true, shown_deg: None },
-    ViewSet { name: "FQS", azimuths_deg: &[0.0, 45.0, 90.0], judges_solid: true, shown_deg: None },
-    ViewSet {
-        name: "FQSB",
-        azimuths_deg: &[0.0, 45.0, 90.0, 180.0],
-        judges_solid: true,
-        shown_deg: None,
-    },
-    ViewSet {
-        name: "8-turn",
-        azimuths_deg: &[0.0, 45.0, 90.0, 135.0, 180.0, 225.0, 270.0, 315.0],
-        judges_solid: true,
-        shown_deg: None,
-    },
-    ViewSet {
-        name: "0:90:15",
-        azimuths_deg: &[0.0, 15.0, 30.0, 45.0, 60.0, 75.0, 90.0],
-        judges_solid: true,
-        shown_deg: None,
-    },
-    ViewSet {
-        name: "0:90:5",
-        azimuths_deg: &[
-            0.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0, 45.0, 50.0, 55.0, 60.0, 65.0, 70.0,
-            75.0, 80.0, 85.0, 90.0,
-        ],
-        judges_solid: true,
-        shown_deg: Some(45.0),
-    },
-    ViewSet {
-        name: "40:50:5",
-        azimuths_deg: &[40.0, 45.0, 50.0],
-        judges_solid: false,
-        shown_deg: None,
-    },
-];
+pub(super) fn usual_sets() -> Vec<ViewSet> {
+    let named = [
+        ("FS", "0,90"),
+        ("FQS", "0,45,90"),
+        ("FQSB", "0,45,90,180"),
+        ("8-turn", "0:315:45"),
+        ("0:90:15", "0:90:15"),
+        ("0:90:5", "0:90:5"),
+        ("40:50:5", "40:50:5"),
+    ];
+    let set = |(name, azimuths): (&str, &str)| ViewSet {
+        name: name.to_owned(),
+        azimuths: azimuths.parse().expect("the list is valid"),
+        judges_solid: name != "40:50:5",
+        shown_deg: (name == "0:90:5").then_some(45.0),
+    };
+    named.map(set).into()
+}
+
+/// A set of one's own: `NAME=AZIMUTHS`.
+impl FromStr for ViewSet {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let (name, azimuths) =
+            text.split_once('=').ok_or_else(|| format!("{text} is not NAME=AZIMUTHS"))?;
+        let (name, azimuths) = (name.trim().to_owned(), azimuths.parse()?);
+        Ok(Self { name, azimuths, judges_solid: true, shown_deg: None })
+    }
+}
 
 /// Options laid over the chosen ones.
 #[derive(Debug)]
@@ -91,4 +87,18 @@ pub(super) fn variants(ablation: bool) -> Vec<Variant> {
         without_depth("+ holes, eager", solid(true, "auto", "eager")),
         chosen,
     ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sets_of_ones_own_are_read() {
+        let set: ViewSet = "T5=0,45:180:45".parse().unwrap();
+        assert_eq!((set.name.as_str(), set.azimuths.0.len()), ("T5", 5));
+        assert!("T5".parse::<ViewSet>().unwrap_err().contains("NAME=AZIMUTHS"));
+        assert!("T5=north".parse::<ViewSet>().is_err());
+        assert_eq!(usual_sets().iter().map(|set| set.azimuths.0.len()).sum::<usize>(), 46);
+    }
 }

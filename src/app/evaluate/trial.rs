@@ -1,6 +1,8 @@
 //! One view set of one sheet, reconstructed and measured.
 
+use std::collections::BTreeMap;
 use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -9,10 +11,13 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::contact;
+use super::corpus::{Source, Subject};
 use super::sets::ViewSet;
-use crate::app::inputs;
+use crate::app::{draw, inputs};
 use crate::draft::{self, Decoded, DraftError};
-use drawing::{DrawOptions, Drawer, PreparedModel};
+use artifacts::{Artifact, PFM_MEDIA_TYPE};
+use bytes::Bytes;
+use drawing::{DrawError, DrawOptions, Drawer, PreparedModel, SheetLimits, draw_sheet};
 use evaluation::{
     ComparisonOptions, SolidComparison, SolidTruth, ViewReport, ViewTruth, compare_silhouettes,
     decode_truth, disparity_from_depth, evaluate_view, true_mask,
@@ -20,20 +25,49 @@ use evaluation::{
 use frames::Azimuth;
 use mesh::Mesh;
 use mesh::read::Model;
-use mesh::topology::check_manifold;
+use mesh::topology::{check_manifold, genus};
 use picture::ImageLimits;
+use progress::Silent;
 use sheet::{SheetDocument, ViewDocument};
 use turntable::Draft;
 use turntable::depth::{DepthSource, Fallback, ViewDepth};
 
 /// A sheet with its truth.
-pub(super) struct SheetFolder {
-    path: PathBuf,
+pub(super) struct TruthSheet {
     name: String,
     document: SheetDocument,
+    files: Files,
     limits: ImageLimits,
     /// The true model in sheet pixels.
-    solid: Option<SolidTruth>,
+    solid: Option<(Mesh, SolidTruth)>,
+}
+
+/// The files that a sheet names.
+enum Files {
+    Folder(PathBuf),
+    Drawn(BTreeMap<String, Bytes>),
+}
+
+impl Files {
+    fn read(&self, name: &str) -> io::Result<Vec<u8>> {
+        match self {
+            Self::Folder(path) => inputs::read_file(&path.join(name)),
+            Self::Drawn(files) => {
+                let found = files.get(name).ok_or(io::ErrorKind::NotFound)?;
+                Ok(found.to_vec())
+            }
+        }
+    }
+}
+
+/// How trials are made.
+pub(super) struct Setting<'a> {
+    pub limits: ImageLimits,
+    /// Of models that are drawn first.
+    pub draw: &'a DrawOptions,
+    /// Views that they are drawn in.
+    pub azimuths: &'a [Azimuth],
+    pub comparison: ComparisonOptions,
 }
 
 /// What came of one view set on one sheet.
@@ -52,12 +86,16 @@ pub(super) struct Trial {
     pub views: Vec<ViewTrial>,
     #[serde(skip)]
     pub picture: Option<contact::Row>,
+    #[serde(skip)]
+    pub solids: Option<contact::SolidRow>,
 }
 
 #[derive(Serialize)]
 pub(super) struct MeshFigures {
     pub triangles: usize,
     pub watertight: bool,
+    /// Holes through it, over all its pieces; absent unless watertight.
+    pub genus: Option<i64>,
 }
 
 #[derive(Serialize)]
@@ -72,16 +110,23 @@ pub(super) struct ViewTrial {
     pub boundary_distance_px: Option<f64>,
 }
 
-impl SheetFolder {
-    pub(super) fn open(path: &Path, limits: &ImageLimits) -> Result<Self> {
-        let document = inputs::sheet_document(&path.join("sheet.json"))?;
-        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let solid = solid_truth(path, &document).with_context(|| name.clone())?;
-        Ok(Self { path: path.to_owned(), name, document, limits: *limits, solid })
+impl TruthSheet {
+    /// Reads a sheet, or draws a model.
+    pub(super) fn open(subject: &Subject, setting: &Setting<'_>) -> Result<Self> {
+        let (document, files) = match &subject.source {
+            Source::Sheet(path) => {
+                (inputs::sheet_document(&path.join("sheet.json"))?, Files::Folder(path.clone()))
+            }
+            Source::Model(path) => drawn(path, setting)?,
+        };
+        let name = subject.name.clone();
+        let solid = solid_truth(&files, &document, setting.comparison).context(name.clone())?;
+        Ok(Self { name, document, files, limits: setting.limits, solid })
     }
 
-    pub(super) fn name(&self) -> &str {
-        &self.name
+    /// Whether the true model's surface closes; `None` without a model.
+    pub(super) fn is_closed(&self) -> Option<bool> {
+        self.solid.as_ref().map(|(mesh, _)| check_manifold(mesh).is_ok())
     }
 
     /// Runs the method on the views of `set` and measures what comes out.
@@ -91,7 +136,7 @@ impl SheetFolder {
             Ok(views) => views,
             Err(failure) => return Ok(Trial::failed(failure)),
         };
-        let read = |name: &str| fs::read(self.path.join(name));
+        let read = |name: &str| self.files.read(name);
         forget_peak_memory();
         let begin = Instant::now();
         let tried =
@@ -112,26 +157,34 @@ impl SheetFolder {
     }
 
     fn views(&self, set: &ViewSet) -> Result<Vec<ViewDocument>, String> {
-        let found = set.azimuths_deg.iter().map(|&wanted| {
-            let wanted = Azimuth::from_degrees(wanted);
-            let is_it = |view: &&ViewDocument| Azimuth::from_degrees(view.azimuth_deg) == wanted;
+        let azimuths = &set.azimuths.0;
+        let found = azimuths.iter().map(|&wanted| {
+            let is_it =
+                |view: &&ViewDocument| Azimuth::from_degrees(view.azimuth_deg) == Ok(wanted);
             self.document.views.iter().find(is_it).cloned()
         });
         let found: Vec<_> = found.flatten().collect();
-        if found.len() == set.azimuths_deg.len() {
+        if found.len() == azimuths.len() {
             return Ok(found);
         }
-        Err(format!("has {} of the {} views", found.len(), set.azimuths_deg.len()))
+        Err(format!("has {} of the {} views", found.len(), azimuths.len()))
     }
 
     fn measure(&self, set: &ViewSet, draft: &Draft<'_>, trial: &mut Trial) -> Result<()> {
         let mesh = &draft.solid.mesh;
+        let watertight = check_manifold(mesh).is_ok();
         trial.mesh = Some(MeshFigures {
             triangles: mesh.triangles.len(),
-            watertight: check_manifold(mesh).is_ok(),
+            watertight,
+            genus: watertight.then(|| genus(mesh)),
         });
-        if let Some(truth) = self.solid.as_ref().filter(|_| set.judges_solid) {
+        if let Some((true_mesh, truth)) = self.solid.as_ref().filter(|_| set.judges_solid) {
             trial.solid = Some(truth.evaluate(mesh)?);
+            trial.solids = Some(contact::SolidRow {
+                drawing: draft.views.views()[0].image.clone(),
+                truth: mesh::thumbnail(true_mesh)?,
+                ours: mesh::thumbnail(mesh)?,
+            });
         }
         let outlines = Outlines::of(mesh, draft)?;
         for depth in &draft.depths {
@@ -169,7 +222,9 @@ impl SheetFolder {
         let mut views = self.document.views.iter();
         let view = views.find(|view| Azimuth::from_degrees(view.azimuth_deg) == Ok(azimuth));
         let Some((kind, name)) = view.and_then(ViewDocument::truth) else { return Ok(None) };
-        let raw = fs::read(self.path.join(name))
+        let raw = self
+            .files
+            .read(name)
             .map_err(anyhow::Error::from)
             .and_then(|bytes| Ok(decode_truth(&bytes, &self.limits)?));
         let raw = raw.with_context(|| format!("{}: {name}", self.name))?;
@@ -183,12 +238,33 @@ impl Trial {
     }
 }
 
-/// The true model in sheet pixels, prepared for comparing with it.
-fn solid_truth(path: &Path, document: &SheetDocument) -> Result<Option<SolidTruth>> {
-    let truth = draft::true_model(document, &|name| fs::read(path.join(name)))?;
+/// A model as a sheet of all views that are asked for, in memory.
+fn drawn(path: &Path, setting: &Setting<'_>) -> Result<(SheetDocument, Files)> {
+    let model = PreparedModel::new(&draw::load(path, None)?)?;
+    let mut files = BTreeMap::new();
+    let mut keep = |file: Artifact| {
+        if file.media_type != PFM_MEDIA_TYPE {
+            files.insert(file.name, file.bytes);
+        }
+        Ok::<(), DrawError>(())
+    };
+    let limits = SheetLimits::default();
+    draw_sheet(&model, setting.azimuths, setting.draw, &limits, &Silent, &mut keep)?;
+    let document = files.get("sheet.json").context("the drawing has no sheet.json")?;
+    Ok((serde_json::from_slice(document)?, Files::Drawn(files)))
+}
+
+/// The true model in sheet pixels, and prepared for comparing with it.
+fn solid_truth(
+    files: &Files,
+    document: &SheetDocument,
+    comparison: ComparisonOptions,
+) -> Result<Option<(Mesh, SolidTruth)>> {
+    let truth = draft::true_model(document, &|name| files.read(name))?;
     let Some((mut mesh, pixels_per_unit)) = truth else { return Ok(None) };
     mesh.positions.iter_mut().for_each(|p| *p *= pixels_per_unit);
-    Ok(Some(SolidTruth::new(&mesh, ComparisonOptions::default())?))
+    let truth = SolidTruth::new(&mesh, comparison)?;
+    Ok(Some((mesh, truth)))
 }
 
 /// Draws the mesh's silhouettes.
@@ -205,7 +281,7 @@ impl Outlines {
         let mut mesh = mesh.clone();
         mesh.positions.iter_mut().for_each(|p| *p /= unit);
         let materials = vec![0; mesh.triangles.len()];
-        let model = PreparedModel::new(&Model { mesh, materials, corner_normals: None })?;
+        let model = PreparedModel::new(&Model { mesh, materials, ..Model::default() })?;
         let scale = f64::from(width_px) / unit;
         let options = DrawOptions { width_px, height_px, scale, ..DrawOptions::default() };
         Ok(Self { model, options })

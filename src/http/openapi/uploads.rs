@@ -29,7 +29,7 @@ pub(super) fn upload_schema() -> Value {
         },
         "patternProperties": {
             "^view\\[.+\\]$": {"type": "string", "format": "binary",
-                "description": "The drawing (PNG, JPEG, WebP, TIFF) at this azimuth in degrees."},
+                "description": "The drawing (PNG, JPEG, WebP, TIFF, GIF, SVG) at this azimuth in degrees."},
             "^mask\\[.+\\]$": {"type": "string", "format": "binary",
                 "description": "The mask of the drawing at this azimuth: white inside."},
             "^truth\\[.+\\]$": {"type": "string", "format": "binary",

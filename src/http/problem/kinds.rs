@@ -95,7 +95,7 @@ problem_types! {
         "A key is unknown or missing, a box lies outside of its picture, or a mask is of no figure. Get the page, change what is to be put right in its document, and send that back.";
     NOT_AN_IMAGE = UNPROCESSABLE_ENTITY "not-an-image",
         "A file is not an image",
-        "Drawings and masks are PNG, JPEG, WebP, TIFF or GIF files with one picture each; the file's first bytes decide, not its name.";
+        "Drawings and masks are PNG, JPEG, WebP, TIFF, GIF or SVG files with one picture each; the file's first bytes decide, not its name.";
     DAMAGED_IMAGE = UNPROCESSABLE_ENTITY "damaged-image",
         "An image is damaged or truncated",
         "The file starts like an image but cannot be decoded to its end. Export it again.";

@@ -8,7 +8,7 @@ use serde_json::{Map, Value};
 use super::files::Files;
 use super::matches;
 use super::parts::{FilePart, Parts, unknown_part};
-use super::pictures::{Decoded, extension};
+use super::pictures::Decoded;
 use super::truths::{CheckedTruth, ModelFile, TruthFields, TruthPicture};
 use crate::draft;
 use crate::draft::options::{Method, Options};
@@ -229,7 +229,7 @@ impl Assembled {
         let mut inputs = Vec::new();
         for PicturedView { view, drawing, mask, truth, given } in views {
             let found = *next(&mut decoded)?;
-            let image = format!("views/{}.{}", view.azimuth, extension(found.format));
+            let image = format!("views/{}.{}", view.azimuth, found.format.extension());
             inputs.push((image.clone(), drawing.bytes));
             drawings.push((view.azimuth, drawing.part, found.size));
             let mut stored = view_document(&view, image, given);
@@ -282,7 +282,7 @@ fn named_mask(
 ) -> Result<(String, Bytes), Problem> {
     sheet::check_mask_size(azimuth, drawing, found.size)
         .map_err(|error| sheet_problem(&error).part(mask.part))?;
-    Ok((format!("masks/{azimuth}.{}", extension(found.format)), mask.bytes))
+    Ok((format!("masks/{azimuth}.{}", found.format.extension()), mask.bytes))
 }
 
 /// What was said of a view by hand stays; its files have other names now.

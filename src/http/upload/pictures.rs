@@ -4,7 +4,6 @@ use std::sync::Arc;
 
 use bytes::Bytes;
 use futures::{StreamExt, TryStreamExt, stream};
-use image::ImageFormat;
 use tokio::sync::Semaphore;
 
 use crate::http::problem::{DAMAGED_IMAGE, NOT_AN_IMAGE, PART_TOO_LARGE, Problem, TOO_MANY_PIXELS};
@@ -21,7 +20,7 @@ pub(crate) struct Decoders {
 /// What decoding a picture told.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Decoded {
-    pub format: ImageFormat,
+    pub format: picture::Format,
     pub size: PictureSize,
 }
 
@@ -105,15 +104,4 @@ pub(in crate::http) fn image_problem(part: &str, error: &ImageError) -> Problem 
         }
     };
     Problem::new(kind, format!("`{part}` {error}; {mend}")).part(part)
-}
-
-/// The usual ending of a picture file's name.
-pub(super) fn extension(format: ImageFormat) -> &'static str {
-    match format {
-        ImageFormat::Jpeg => "jpg",
-        ImageFormat::WebP => "webp",
-        ImageFormat::Tiff => "tiff",
-        ImageFormat::Gif => "gif",
-        _ => "png",
-    }
 }

@@ -32,6 +32,7 @@ fn models() -> impl Strategy<Value = Model> {
                 positions: positions.iter().map(|&p| Point3::from(p)).collect(),
                 triangles,
             },
+            corner_colours: None,
         }
     })
 }
@@ -46,6 +47,8 @@ proptest! {
         elevation_deg in prop_oneof![Just(0.0), -85.0..85.0_f64],
         fit in any::<bool>(),
         degraded in any::<bool>(),
+        ink in prop::sample::select(vec![Ink::Lines, Ink::Flat, Ink::Shaded]),
+        background in prop::sample::select(vec![Background::White, Background::Transparent]),
     ) {
         let preset = degraded.then_some(DegradePreset::Heavy);
         let options = DrawOptions {
@@ -53,6 +56,8 @@ proptest! {
             height_px: 36,
             elevation_deg,
             fit,
+            ink,
+            background,
             degrade: DegradeOptions { preset, ..DegradeOptions::default() },
             ..DrawOptions::default()
         };

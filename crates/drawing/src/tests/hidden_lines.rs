@@ -37,7 +37,7 @@ proptest! {
                 triangles: (0..count as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect(),
             },
             materials: vec![0; count],
-            corner_normals: None,
+            ..Model::default()
         };
         let prepared = PreparedModel::new(&model).unwrap();
         let options = DrawOptions::default();

@@ -75,7 +75,7 @@ fn roof(interior_deg: f64) -> Model {
             triangles: vec![[0, 2, 3], [0, 3, 1], [4, 0, 1], [4, 1, 5]],
         },
         materials: vec![0; 4],
-        corner_normals: None,
+        ..Model::default()
     }
 }
 

@@ -1,6 +1,7 @@
 //! Drawings of shapes whose lines and depths are known.
 
 mod arbitrary;
+mod colours;
 mod hidden_lines;
 mod lines;
 mod sheets;
@@ -54,7 +55,7 @@ fn plate(x: f64, y: f64, z: f64, half_width: f64, half_height: f64) -> Model {
             triangles: vec![[0, 1, 2], [0, 2, 3]],
         },
         materials: vec![0, 0],
-        corner_normals: None,
+        ..Model::default()
     }
 }
 

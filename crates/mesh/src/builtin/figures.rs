@@ -110,7 +110,7 @@ fn cape() -> Model {
         mesh.positions.push(Point3::new(1.05 * radius * sin, 0.85 * radius * cos - 0.12, z));
     }
     cape_triangles(&mut mesh, rows, columns);
-    Model { materials: vec![1; mesh.triangles.len()], mesh, corner_normals: None }
+    Model { materials: vec![1; mesh.triangles.len()], mesh, ..Model::default() }
 }
 
 fn grid(rows: u32, columns: u32) -> impl Iterator<Item = (u32, u32, u32)> {

@@ -10,7 +10,7 @@ use crate::read::Model;
 impl Model {
     /// All of one material, without normals of its own.
     pub(super) fn of_mesh(mesh: Mesh) -> Self {
-        Self { materials: vec![0; mesh.triangles.len()], mesh, corner_normals: None }
+        Self { materials: vec![0; mesh.triangles.len()], mesh, ..Model::default() }
     }
 
     pub(super) fn translated(self, by: [f64; 3]) -> Self {

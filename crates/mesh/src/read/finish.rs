@@ -6,7 +6,7 @@ use nalgebra::{Point3, Vector3};
 
 use frames::UpAxis;
 
-use super::{Model, ModelError};
+use super::{LinearRgb, Model, ModelError};
 
 /// What a format's reader hands over: unchecked triangles in the file's frame.
 #[derive(Debug, Default)]
@@ -19,6 +19,8 @@ pub(super) struct Soup {
     pub materials: Vec<u32>,
     /// One for each triangle, `None` where the file gives no normals.
     pub corner_normals: Vec<Option<[Vector3<f64>; 3]>>,
+    /// One for each triangle, `None` where the file gives no colours.
+    pub corner_colours: Vec<Option<[LinearRgb; 3]>>,
 }
 
 /// Checks the triangles, joins vertices that files split at seams of normals or texture, leaves out
@@ -30,7 +32,12 @@ pub(super) fn finish(soup: Soup, up_axis: UpAxis) -> Result<Model, ModelError> {
     let positions: Vec<_> =
         joined.positions.iter().map(|&p| Point3::from(up_axis.model_from_file(p))).collect();
     let has_normals = soup.corner_normals.iter().any(Option::is_some);
-    let mut model = Model { corner_normals: has_normals.then(Vec::new), ..Model::default() };
+    let has_colours = soup.corner_colours.iter().any(Option::is_some);
+    let mut model = Model {
+        corner_normals: has_normals.then(Vec::new),
+        corner_colours: has_colours.then(Vec::new),
+        ..Model::default()
+    };
     for (index, triangle) in soup.triangles.iter().enumerate() {
         let triangle = triangle.map(|vertex| joined.index_of[vertex as usize]);
         let corners = triangle.map(|vertex| positions[vertex as usize]);
@@ -41,6 +48,9 @@ pub(super) fn finish(soup: Soup, up_axis: UpAxis) -> Result<Model, ModelError> {
         model.materials.push(soup.materials[index]);
         if let Some(normals) = &mut model.corner_normals {
             normals.push(corner_normals(soup.corner_normals[index], up_axis, face_normal));
+        }
+        if let Some(colours) = &mut model.corner_colours {
+            colours.push(corner_colours(soup.corner_colours[index]));
         }
     }
     model.mesh.positions = positions;
@@ -102,6 +112,12 @@ fn corner_normals(
             .unwrap_or(face_normal)
     };
     given.map_or([face_normal; 3], |normals| normals.map(usable))
+}
+
+/// The file's colours within [0, 1]; white where they are missing or no numbers.
+fn corner_colours(given: Option<[LinearRgb; 3]>) -> [LinearRgb; 3] {
+    let usable = |c: f32| if c.is_nan() { 1.0 } else { c.clamp(0.0, 1.0) };
+    given.map_or([[1.0; 3]; 3], |colours| colours.map(|colour| colour.map(usable)))
 }
 
 struct Joined {

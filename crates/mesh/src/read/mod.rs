@@ -34,7 +34,12 @@ pub struct Model {
     pub materials: Vec<u32>,
     /// Unit normals at each triangle's corners, when the model gives them.
     pub corner_normals: Option<Vec<[Vector3<f64>; 3]>>,
+    /// Colours at each triangle's corners, linear RGB in [0, 1], when the model gives them.
+    pub corner_colours: Option<Vec<[LinearRgb; 3]>>,
 }
+
+/// A colour in linear light with the primaries of sRGB, each channel in [0, 1].
+pub type LinearRgb = [f32; 3];
 
 /// The file formats that [`load`] reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
@@ -93,7 +98,8 @@ impl ModelFormat {
 /// * `limits`: checked before memory is taken for what the bytes promise.
 ///
 /// Polygons are triangulated and triangles without area left out. Node transforms, instances and
-/// the rest pose of skins are applied; morph targets, animations and textures are not.
+/// the rest pose of skins are applied; morph targets, animations and textures are not. Colours are those
+/// of vertices and, in glTF, the base colours of materials.
 ///
 /// ```
 /// use mesh::read::{Limits, ModelFormat, load};

@@ -8,7 +8,8 @@ use tobj::{LoadOptions, Mesh};
 
 use super::finish::Soup;
 use super::polygon::Triangulator;
-use super::{Limits, ModelError};
+use super::{Limits, LinearRgb, ModelError};
+use crate::colour::linear_from_srgb;
 
 const FORMAT: &str = "OBJ";
 
@@ -73,6 +74,7 @@ fn push_mesh(
 ) -> Result<(), ModelError> {
     let positions = vectors(&mesh.positions);
     let normals = vectors(&mesh.normals);
+    let colours = colours(&mesh.vertex_color);
     let first = soup.positions.len() as u32;
     let material = mesh.material_id.map_or(0, |id| id as u32 + 1);
     let mut start = 0;
@@ -98,6 +100,9 @@ fn push_mesh(
                 let normal = |i: u32| normals.get(of_corner[i as usize] as usize).copied();
                 Some([normal(triangle[0])?, normal(triangle[1])?, normal(triangle[2])?])
             }));
+            let colour = |i: u32| colours.get(indices[i as usize] as usize).copied();
+            let [a, b, c] = triangle.map(colour);
+            soup.corner_colours.push(a.zip(b).zip(c).map(|((a, b), c)| [a, b, c]));
         }
     }
     soup.parts.extend(std::iter::repeat_n(part, positions.len()));
@@ -112,6 +117,12 @@ fn face_arities(mesh: &Mesh) -> Vec<usize> {
     } else {
         mesh.face_arities.iter().map(|&arity| arity as usize).collect()
     }
+}
+
+/// `v x y z r g b`, an extension that common programs write, with colours as displays show them.
+fn colours(numbers: &[f64]) -> Vec<LinearRgb> {
+    let triples = numbers.as_chunks::<3>().0.iter();
+    triples.map(|colour| colour.map(|c| linear_from_srgb(c as f32))).collect()
 }
 
 fn vectors(numbers: &[f64]) -> Vec<Vector3<f64>> {

@@ -8,7 +8,8 @@ use ply_rs_bw::ply::{ElementDef, Header, Property, PropertyAccess, PropertyAcces
 
 use super::finish::Soup;
 use super::polygon::Triangulator;
-use super::{Limits, ModelError};
+use super::{Limits, LinearRgb, ModelError};
+use crate::colour::linear_from_srgb_byte;
 
 const FORMAT: &str = "PLY";
 
@@ -87,6 +88,8 @@ fn assembled(
             soup.materials.push(face.material);
             let normals = triangle.map(|v| vertices[v as usize].normal);
             soup.corner_normals.push(has_normals.then_some(normals));
+            let [a, b, c] = triangle.map(|v| vertices[v as usize].colour());
+            soup.corner_colours.push(a.zip(b).zip(c).map(|((a, b), c)| [a, b, c]));
         }
         limits.check_triangles(soup.triangles.len())?;
     }
@@ -106,6 +109,16 @@ impl PropertyAccess for Skipped {
 struct Vertex {
     position: Vector3<f64>,
     normal: Vector3<f64>,
+    /// Red, green and blue, sRGB.
+    rgb: [Option<u8>; 3],
+}
+
+impl Vertex {
+    /// `None` unless all three channels are given.
+    fn colour(&self) -> Option<LinearRgb> {
+        let [r, g, b] = self.rgb.map(|channel| channel.map(linear_from_srgb_byte));
+        Some([r?, g?, b?])
+    }
 }
 
 impl PropertyAccess for Vertex {
@@ -114,6 +127,10 @@ impl PropertyAccess for Vertex {
     }
 
     fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
+        if let (Some(channel), Property::UChar(level)) = (channel(name), &property) {
+            self.rgb[channel] = Some(*level);
+            return PropertyAccessResult::Set;
+        }
         let place = match name {
             "x" => &mut self.position.x,
             "y" => &mut self.position.y,
@@ -137,6 +154,10 @@ impl PropertyAccess for Vertex {
         *place = value;
         PropertyAccessResult::Set
     }
+}
+
+fn channel(name: &str) -> Option<usize> {
+    ["red", "green", "blue"].iter().position(|&known| known == name)
 }
 
 #[derive(Default)]

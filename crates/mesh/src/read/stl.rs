@@ -56,4 +56,5 @@ fn push_triangle(soup: &mut Soup, triangle: stl_io::Triangle) {
     soup.triangles.push([first, first + 1, first + 2]);
     soup.materials.push(0);
     soup.corner_normals.push(None);
+    soup.corner_colours.push(None);
 }

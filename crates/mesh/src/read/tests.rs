@@ -50,6 +50,14 @@ mod obj {
     }
 
     #[test]
+    fn reads_colours_behind_positions() {
+        let file = b"v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 0.5\nf 1 2 3\n";
+        let colours = load_plain(file, ModelFormat::Obj).unwrap().corner_colours.unwrap();
+        assert_eq!(colours[0][..2], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+        assert!((colours[0][2][2] - 0.2140).abs() < 1e-3, "sRGB to linear: {colours:?}");
+    }
+
+    #[test]
     fn turns_y_up_into_z_up_when_told() {
         let file = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
         let model = load(file, ModelFormat::Obj, Some(UpAxis::Y), &Limits::default()).unwrap();
@@ -152,6 +160,18 @@ mod ply {
     }
 }
 
+/// Red, green and blue corners, and a property that is none of them.
+#[test]
+fn ply_gives_colours() {
+    let file = b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
+                 property float z\nproperty uchar red\nproperty uchar green\n\
+                 property uchar blue\nproperty uchar alpha\nelement face 1\n\
+                 property list uchar int vertex_indices\nend_header\n\
+                 0 0 0 255 0 0 9\n1 0 0 0 255 0 9\n0 1 0 0 0 255 9\n3 0 1 2\n";
+    let colours = load_plain(file, ModelFormat::Ply).unwrap().corner_colours.unwrap();
+    assert_eq!(colours, [[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]]);
+}
+
 mod gltf {
     use base64::Engine;
     use serde_json::{Value, json};
@@ -215,6 +235,21 @@ mod gltf {
 
     fn load_document(document: &Value) -> Result<Model, ModelError> {
         load_plain(&glb(document), ModelFormat::Glb)
+    }
+
+    #[test]
+    fn colours_are_the_materials_times_the_vertices() {
+        let mut document = document(json!([{"mesh": 0}]));
+        assert_eq!(load_document(&document).unwrap().corner_colours, None);
+        document["materials"] =
+            json!([{"pbrMetallicRoughness": {"baseColorFactor": [0.5, 1.0, 0.25, 1.0]}}]);
+        document["meshes"][0]["primitives"][0]["material"] = json!(0);
+        let colours = load_document(&document).unwrap().corner_colours.unwrap();
+        assert_eq!(colours, [[[0.5, 1.0, 0.25]; 3]]);
+        // The normals, (0, 0, 1) each, taken for colours.
+        document["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = json!(1);
+        let colours = load_document(&document).unwrap().corner_colours.unwrap();
+        assert_eq!(colours, [[[0.0, 0.0, 0.25]; 3]]);
     }
 
     #[test]

@@ -2,6 +2,7 @@
 //! each reconciled with the others.
 
 pub(crate) mod axis;
+mod by_hand;
 pub(crate) mod profile;
 mod resample;
 pub(crate) mod section;
@@ -12,6 +13,7 @@ use serde::Serialize;
 use crate::subject::Subject;
 use profile::{Profile, Rows};
 
+pub use by_hand::{ByHand, place_by_hand};
 pub use resample::{Aligned, apply};
 pub use trusted::trust;
 
@@ -77,6 +79,8 @@ pub struct ViewAlignment {
     /// Whether it would have to be scaled or moved by more than is allowed;
     /// then it is left at scale 1.
     pub out_of_range: bool,
+    /// Whether a person said where it belongs.
+    pub by_hand: bool,
 }
 
 /// The common image.
@@ -213,6 +217,7 @@ pub fn align(views: &[View<'_>], options: &AlignOptions) -> Alignment {
             rows: [profiles[k].top, profiles[k].bottom],
             unexplained: unexplained[k],
             out_of_range: out_of_range[k],
+            by_hand: false,
         }
     };
     let views: Vec<ViewAlignment> = (0..views.len()).map(found).collect();

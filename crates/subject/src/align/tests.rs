@@ -147,3 +147,50 @@ fn a_view_without_its_top_keeps_its_size() {
     };
     assert!(doubted(2) > 800, "{}", doubted(2));
 }
+
+#[test]
+fn what_a_person_says_of_a_view_is_done() {
+    let subjects: Vec<Subject> = AZIMUTHS
+        .iter()
+        .zip([1.0, 0.6, 1.0, 1.0])
+        .map(|(a, scale)| {
+            subject(mask(*a, scale, if scale < 1.0 { -30.0 } else { 0.0 }, 0.0, SIZE))
+        })
+        .collect();
+    let views = views(&AZIMUTHS, &subjects);
+    let mut alignment = align(&views, &AlignOptions::default());
+    let mut hands = [ByHand::default(); 4];
+    // 260 rows: the feet are 110 below the middle, drawn at .6 of their distance.
+    hands[1] = ByHand { axis_x: Some(120.0), ground_y: Some(130.0 + 66.0), scale: Some(1.0 / 0.6) };
+    place_by_hand(&mut alignment, &views, &hands);
+    let flags: Vec<bool> = alignment.views.iter().map(|view| view.by_hand).collect();
+    assert_eq!(flags, [false, true, false, false]);
+    assert_eq!(alignment.canvas.width, SIZE.0, "nothing reaches beyond the canvas");
+    let aligned = apply(&alignment, &views);
+    let truth = mask(45.0, 1.0, 0.0, 0.0, SIZE);
+    let differing = aligned[1].mask.iter().zip(truth.iter()).filter(|(a, b)| a != b).count();
+    assert!(differing < 700, "{differing}");
+}
+
+#[test]
+fn the_canvas_grows_for_what_is_placed_beyond_it() {
+    let subjects = clean();
+    let views = views(&AZIMUTHS, &subjects);
+    let mut alignment = align(&views, &AlignOptions::default());
+    let mut hands = [ByHand::default(); 4];
+    hands[3].scale = Some(2.0);
+    place_by_hand(&mut alignment, &views, &hands);
+    let canvas = alignment.canvas;
+    assert!(canvas.height > SIZE.1 && canvas.height <= 2 * SIZE.1, "{canvas:?}");
+    assert_eq!(canvas.axis_x, f64::from(canvas.width) / 2.0);
+    let aligned = apply(&alignment, &views);
+    let area = |mask: &GrayImage| mask.iter().filter(|level| **level != 0).count() as f64;
+    let grown = area(&aligned[3].mask) / area(&subjects[3].mask);
+    assert!((grown - 4.0).abs() < 0.1, "{grown}");
+    // The others stand on the same row and turn about the same column.
+    assert_eq!(area(&aligned[0].mask), area(&subjects[0].mask));
+    hands[3].scale = Some(1e6);
+    let mut alignment = align(&views, &AlignOptions::default());
+    place_by_hand(&mut alignment, &views, &hands);
+    assert!(alignment.canvas.width <= 2 * SIZE.0 && alignment.canvas.height <= 2 * SIZE.1);
+}

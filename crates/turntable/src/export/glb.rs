@@ -1,9 +1,9 @@
-//! The draft as binary glTF: with its support as colours, and with the drawings
-//! projected on it.
+//! The draft as binary glTF: with its support as colours, and with a texture of
+//! the drawings' colours.
 
 use frames::Placement;
 use gltf::json::mesh::{Primitive, Semantic};
-use gltf::json::{Accessor, Index, Material};
+use gltf::json::{Accessor, Index};
 use mesh::Mesh;
 use mesh::shading::{CREASE_ANGLE_DEG, ShadedMesh, shaded};
 use mesh::write::glb::{GlbWriter, matte, triangle_primitive, unlit};
@@ -14,6 +14,7 @@ use sheet::View;
 
 use crate::surface::projection::Rig;
 use crate::surface::support::Support;
+use crate::texture::Textured;
 
 /// What the model and its reference planes are drawn from.
 pub(super) struct Drawn<'a> {
@@ -46,58 +47,40 @@ pub(super) fn solid_glb(
     file.finish()
 }
 
-/// The model with the drawings projected on it, unlit.
+/// The model with its texture, unlit: a drawing's colours are lit already.
 ///
-/// * `labels`: per triangle, the view whose drawing colours it; the number of
-///   views for paper without lines.
 /// * `reference_planes`: whether each drawing is added as a plane behind the
 ///   model.
 ///
 /// # Errors
-/// [`EncodeError`] for a mesh without triangles and labels that are not its own.
+/// [`EncodeError`] for a picture that cannot be written.
 pub(super) fn textured_glb(
-    mesh: &Mesh,
-    labels: &[usize],
+    textured: &Textured,
     drawn: &Drawn<'_>,
     reference_planes: bool,
 ) -> Result<Vec<u8>, EncodeError> {
-    check(mesh, labels.len(), mesh.triangles.len())?;
     let mut file = writer();
-    let shaded = shaded(mesh, CREASE_ANGLE_DEG);
-    let views = drawn.rig.azimuths.len();
-    let mut materials: Vec<Option<Index<Material>>> = vec![None; views];
-    let mut primitives = Vec::new();
-    for view in 0..views {
-        let part = part_of(&shaded, labels, view);
-        if part.triangles.is_empty() {
-            continue;
-        }
-        let material = drawing_material(&mut file, &mut materials, view, drawn)?;
-        let mut attributes = geometry(&mut file, &part, drawn.placement);
-        let coordinates: Vec<[f32; 2]> =
-            part.positions.iter().map(|point| drawn.rig.texture_coordinates(view, point)).collect();
-        attributes.push((Semantic::TexCoords(0), file.texture_coordinates(&coordinates)));
-        let triangles = file.triangles(&part.triangles);
-        primitives.push(triangle_primitive(attributes, triangles, material));
-    }
-    let unseen = part_of(&shaded, labels, views);
-    if !unseen.triangles.is_empty() {
-        let material = file.material(unlit("unseen", None));
-        let attributes = geometry(&mut file, &unseen, drawn.placement);
-        let triangles = file.triangles(&unseen.triangles);
-        primitives.push(triangle_primitive(attributes, triangles, material));
-    }
-    model_node(&mut file, primitives, drawn)?;
-    for view in (0..views).filter(|_| reference_planes) {
-        let material = drawing_material(&mut file, &mut materials, view, drawn)?;
-        reference_plane(&mut file, view, material, drawn)?;
+    let texture = file.png_texture("model", &png(&textured.texture)?);
+    let material = file.material(unlit("model", Some(texture)));
+    let mut attributes = geometry(&mut file, &textured.mesh, drawn.placement);
+    let coordinates = file.texture_coordinates(&textured.coordinates);
+    attributes.push((Semantic::TexCoords(0), coordinates));
+    let triangles = file.triangles(&textured.mesh.triangles);
+    model_node(&mut file, vec![triangle_primitive(attributes, triangles, material)], drawn)?;
+    for view in (0..drawn.rig.azimuths.len()).filter(|_| reference_planes) {
+        reference_plane(&mut file, view, drawn)?;
     }
     file.finish()
 }
 
+/// Why a mesh without triangles is not written.
+pub(super) fn no_triangles() -> EncodeError {
+    EncodeError::new("the model", "it has no triangles")
+}
+
 fn check(mesh: &Mesh, found: usize, expected: usize) -> Result<(), EncodeError> {
     if mesh.triangles.is_empty() {
-        Err(EncodeError::new("the model", "it has no triangles"))
+        Err(no_triangles())
     } else if found != expected {
         let reason = format!("{found} labels were given for {expected} items");
         Err(EncodeError::new("the model", reason))
@@ -138,23 +121,6 @@ fn model_node(
     file.node("model", primitives, Some(&extras))
 }
 
-/// The unlit, two-sided material that shows a view's drawing, made once.
-fn drawing_material(
-    file: &mut GlbWriter,
-    materials: &mut [Option<Index<Material>>],
-    view: usize,
-    drawn: &Drawn<'_>,
-) -> Result<Index<Material>, EncodeError> {
-    if let Some(material) = materials[view] {
-        return Ok(material);
-    }
-    let name = format!("view_{}", drawn.rig.azimuths[view].padded());
-    let texture = file.png_texture(&name, &drawing_png(drawn.drawings[view])?);
-    let material = file.material(unlit(&name, Some(texture)));
-    materials[view] = Some(material);
-    Ok(material)
-}
-
 /// In the drawing's colours, where it has any.
 fn drawing_png(view: &View) -> Result<Vec<u8>, EncodeError> {
     match &view.color {
@@ -167,10 +133,12 @@ fn drawing_png(view: &View) -> Result<Vec<u8>, EncodeError> {
 fn reference_plane(
     file: &mut GlbWriter,
     view: usize,
-    material: Index<Material>,
     drawn: &Drawn<'_>,
 ) -> Result<(), EncodeError> {
     let rig = drawn.rig;
+    let name = format!("view_{}", rig.azimuths[view].padded());
+    let texture = file.png_texture(&name, &drawing_png(drawn.drawings[view])?);
+    let material = file.material(unlit(&name, Some(texture)));
     let (width, height) = (f64::from(rig.width), f64::from(rig.height));
     let (sine, cosine) = rig.azimuths[view].radians().sin_cos();
     let depth = width.max(height) / 2.0;
@@ -204,25 +172,6 @@ fn colour(support: Support) -> [u8; 4] {
     }
 }
 
-/// The triangles labelled `view`, with the vertices they use.
-fn part_of(mesh: &ShadedMesh, labels: &[usize], view: usize) -> ShadedMesh {
-    let mut part = ShadedMesh::default();
-    let mut new_index = vec![u32::MAX; mesh.positions.len()];
-    for (triangle, _) in mesh.triangles.iter().zip(labels).filter(|(_, label)| **label == view) {
-        part.triangles.push(triangle.map(|old| {
-            let index = &mut new_index[old as usize];
-            if *index == u32::MAX {
-                *index = part.positions.len() as u32;
-                part.positions.push(mesh.positions[old as usize]);
-                part.normals.push(mesh.normals[old as usize]);
-                part.sources.push(mesh.sources[old as usize]);
-            }
-            *index
-        }));
-    }
-    part
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -253,7 +202,12 @@ mod tests {
         let placement = Placement::new(mesh.bounds().unwrap(), &ExportOptions::default());
         let drawn = Drawn { rig: &rig, drawings: vec![&drawing; 2], placement: &placement };
         let glb = if textured {
-            textured_glb(&mesh, &[0, 0, 1, 2], &drawn, true).unwrap()
+            let textured = Textured {
+                mesh: shaded(&mesh, CREASE_ANGLE_DEG),
+                coordinates: vec![[0.5; 2]; 12],
+                texture: image::RgbImage::new(8, 8),
+            };
+            textured_glb(&textured, &drawn, true).unwrap()
         } else {
             solid_glb(&mesh, &[Support::Seen; 4], &drawn).unwrap()
         };
@@ -282,12 +236,12 @@ mod tests {
         let names: Vec<_> =
             document.nodes().filter_map(|node| node.name().map(str::to_owned)).collect();
         assert_eq!(names, ["model", "ref_000", "ref_022.5"]);
-        assert_eq!(document.images().count(), 2);
+        assert_eq!(document.images().count(), 3);
         let model = document.meshes().next().unwrap();
         let textured = |primitive: gltf::Primitive| {
             primitive.material().pbr_metallic_roughness().base_color_texture().is_some()
         };
-        assert_eq!(model.primitives().map(textured).collect::<Vec<_>>(), [true, true, false]);
+        assert_eq!(model.primitives().map(textured).collect::<Vec<_>>(), [true]);
         assert!(document.materials().all(|material| material.unlit()));
     }
 
@@ -296,7 +250,7 @@ mod tests {
         let (mesh, rig) = (pyramid(), rig());
         let placement = Placement::new(mesh.bounds().unwrap(), &ExportOptions::default());
         let drawn = Drawn { rig: &rig, drawings: vec![], placement: &placement };
-        let error = textured_glb(&mesh, &[0], &drawn, false).unwrap_err();
+        let error = solid_glb(&mesh, &[Support::Seen], &drawn).unwrap_err();
         assert!(error.to_string().contains("1 labels were given for 4"), "{error}");
     }
 }

@@ -12,8 +12,9 @@ use picture::{EncodeError, FloatImage, normals_png, png, silhouette_png};
 use crate::depth::normals_from_depth;
 use crate::draft::Draft;
 use crate::fit::Redrawn;
-use crate::surface::projection::{Rig, best_views};
-use glb::{Drawn, solid_glb, textured_glb};
+use crate::surface::projection::Rig;
+use crate::texture::texture;
+use glb::{Drawn, no_triangles, solid_glb, textured_glb};
 use obj::quad_obj;
 
 /// Disparity is that towards a view this far on, degrees.
@@ -84,7 +85,7 @@ pub fn model_files(
         drawings: draft.views.views().iter().map(|view| &**view).collect(),
         placement,
     };
-    let labels = best_views(&solid.mesh, &rig);
+    let textured = texture(draft).ok_or_else(no_triangles)?;
     let Frames { obj, print } = frames;
     let obj = quad_obj(&solid.mesh, placement, obj);
     let printed_mm: Vec<[f32; 3]> = solid
@@ -109,7 +110,7 @@ pub fn model_files(
         ),
         Artifact::new(
             ArtifactName::Textured,
-            textured_glb(&solid.mesh, &labels, &drawn, reference_planes)?,
+            textured_glb(&textured, &drawn, reference_planes)?,
         ),
         Artifact::new(ArtifactName::Thumbnail, thumbnail(&solid.mesh)?),
     ];

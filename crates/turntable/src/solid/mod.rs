@@ -175,6 +175,7 @@ fn prepared_sheet(
         silhouettes.map(|silhouette| (silhouette.mask(), silhouette.half_line_px())).unzip();
     report.straight_share = boxiness::straight_share(&masks);
     let seen = symmetry::detect(&sheet.drawings(), false);
+    report.symmetric_about = seen;
     if options.holes != Holes::Off || !input.hole_hints.is_empty() {
         let found = holes::carve(
             &mut sheet,

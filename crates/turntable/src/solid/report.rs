@@ -27,6 +27,8 @@ pub struct Solid {
 pub struct SolidReport {
     /// Directions that bound the solid, after joining opposite views.
     pub directions: usize,
+    /// The plane that the drawings are symmetric about; `None` if they are not.
+    pub symmetric_about: Option<MirrorPlane>,
     /// The plane that views were mirrored at; `None` if none were.
     pub mirror_plane: Option<MirrorPlane>,
     /// Holes through the subject that were carved.

@@ -65,14 +65,6 @@ impl Rig {
         }
     }
 
-    /// Texture coordinates of a point in view `view`, origin top left.
-    pub fn texture_coordinates(&self, view: usize, point: &Point3<f64>) -> [f32; 2] {
-        let pixel = self.project(view, point);
-        let u = pixel.x / f64::from(self.width.max(1));
-        let v = pixel.y / f64::from(self.height.max(1));
-        [u.clamp(0.0, 1.0) as f32, v.clamp(0.0, 1.0) as f32]
-    }
-
     fn toward_camera(&self, view: usize) -> Vector3<f64> {
         let (sine, cosine) = self.azimuths[view].radians().sin_cos();
         Vector3::new(sine, -cosine, 0.0)
@@ -247,6 +239,5 @@ mod tests {
         let buffer = DepthBuffer::of_view(&mesh, &rig, 0, VISIBILITY_SCALE);
         assert!(buffer.sees(&rig.project(0, &Point3::new(1.0, -10.0, 3.0))));
         assert!(!buffer.sees(&rig.project(0, &Point3::new(1.0, 10.0, 3.0))));
-        assert_eq!(rig.texture_coordinates(0, &Point3::new(25.0, 0.0, 20.0)), [0.75, 0.25]);
     }
 }

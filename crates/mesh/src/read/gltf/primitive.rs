@@ -8,7 +8,7 @@ use super::FORMAT;
 use super::accessor;
 use super::container::Container;
 use crate::read::finish::Soup;
-use crate::read::{Limits, ModelError};
+use crate::read::{Limits, LinearRgb, ModelError};
 
 /// Where a mesh stands in the scene.
 pub(super) struct Place<'a> {
@@ -46,6 +46,7 @@ pub(super) fn push_primitive(
         }
         None => None,
     };
+    let colours = colours(primitive, container, limits)?;
     let first = soup.positions.len() as u32;
     let material = primitive.material().index().map_or(0, |index| index as u32 + 1);
     for (index, &position) in positions.iter().enumerate() {
@@ -71,8 +72,53 @@ pub(super) fn push_primitive(
             let (b, c) = if mirrored { (c, b) } else { (b, c) };
             Some([normal(a)?, normal(b)?, normal(c)?])
         }));
+        let [a, b, c] = triangle;
+        let corners = if mirrored { [a, c, b] } else { [a, b, c] };
+        soup.corner_colours.push(colours.at(corners));
     }
     Ok(())
+}
+
+/// What a primitive's surface is coloured with; its textures are left out.
+struct Colours {
+    /// Of the material; `None` for the default one.
+    base: Option<LinearRgb>,
+    vertices: Option<Vec<LinearRgb>>,
+}
+
+impl Colours {
+    /// Colours of vertices are multiplied with the material's, as glTF says.
+    fn at(&self, corners: [u32; 3]) -> Option<[LinearRgb; 3]> {
+        let base = self.base.unwrap_or([1.0; 3]);
+        match &self.vertices {
+            None => self.base.map(|base| [base; 3]),
+            Some(colours) => Some(corners.map(|vertex| {
+                let own = colours.get(vertex as usize).copied().unwrap_or([1.0; 3]);
+                std::array::from_fn(|channel| own[channel] * base[channel])
+            })),
+        }
+    }
+}
+
+fn colours(
+    primitive: &Primitive<'_>,
+    container: &Container<'_>,
+    limits: &Limits,
+) -> Result<Colours, ModelError> {
+    let material = primitive.material();
+    let [r, g, b, _] = material.pbr_metallic_roughness().base_color_factor();
+    let base = material.index().map(|_| [r, g, b]);
+    let Some(accessor) = primitive.get(&Semantic::Colors(0)) else {
+        return Ok(Colours { base, vertices: None });
+    };
+    let rgb = |[r, g, b]: [f64; 3]| [r as f32, g as f32, b as f32];
+    let vertices = if accessor.dimensions().multiplicity() == 3 {
+        accessor::read::<3>(&accessor, container, limits)?.into_iter().map(rgb).collect()
+    } else {
+        let with_alpha = accessor::read::<4>(&accessor, container, limits)?;
+        with_alpha.into_iter().map(|[r, g, b, _]| rgb([r, g, b])).collect()
+    };
+    Ok(Colours { base, vertices: Some(vertices) })
 }
 
 /// The vertex indices of the triangles.

@@ -1,0 +1,80 @@
+//! Where views belong as a person says, over what was found.
+
+use super::profile::Profile;
+use super::{Alignment, Transform, View};
+
+/// What a person says of a view's place on the canvas. Places are in the view's own pixels.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ByHand {
+    /// The column of the turning axis.
+    pub axis_x: Option<f64>,
+    /// The row on which the subject stands.
+    pub ground_y: Option<f64>,
+    /// Canvas pixels per pixel of the view.
+    pub scale: Option<f64>,
+}
+
+/// A canvas grows to hold what was placed by hand, at most to so many times its size.
+const MAX_GROWTH: f64 = 2.0;
+
+impl ByHand {
+    fn says_something(&self) -> bool {
+        *self != Self::default()
+    }
+}
+
+/// Places views as a person says; what is not said stays as it was found. The canvas grows where
+/// it must, by what is known to be finite.
+///
+/// * `hands`: one a view.
+pub fn place_by_hand(alignment: &mut Alignment, views: &[View<'_>], hands: &[ByHand]) {
+    let canvas = alignment.canvas;
+    for (found, hand) in alignment.views.iter_mut().zip(hands) {
+        if !hand.says_something() {
+            continue;
+        }
+        let scale = hand.scale.unwrap_or(found.transform.scale);
+        found.axis_x = hand.axis_x.unwrap_or(found.axis_x);
+        if hand.axis_x.is_some() || hand.scale.is_some() {
+            found.transform.dx = canvas.axis_x - scale * found.axis_x;
+        }
+        if hand.ground_y.is_some() || hand.scale.is_some() {
+            let ground = hand.ground_y.unwrap_or(found.rows[1]);
+            found.transform.dy = canvas.rows[1] - scale * ground;
+        }
+        found.transform.scale = scale;
+        (found.by_hand, found.out_of_range) = (true, false);
+        alignment.changes = true;
+    }
+    if hands.iter().any(ByHand::says_something) {
+        grow(alignment, views);
+    }
+}
+
+/// Makes room for figures that reach beyond the canvas; the axis stays in its middle.
+fn grow(alignment: &mut Alignment, views: &[View<'_>]) {
+    let canvas = &mut alignment.canvas;
+    let (width, height) = (f64::from(canvas.width), f64::from(canvas.height));
+    let (mut half, mut above, mut below) = (0.0_f64, 0.0_f64, 0.0_f64);
+    for (found, view) in alignment.views.iter().zip(views) {
+        let Transform { scale, dx, dy } = found.transform;
+        let (left, right) = Profile::of(&view.subject.mask).extent();
+        half =
+            half.max(canvas.axis_x - (scale * left + dx)).max(scale * right + dx - canvas.axis_x);
+        above = above.max(-(scale * found.rows[0] + dy));
+        below = below.max(scale * found.rows[1] + dy - height);
+    }
+    let within = |growth: f64, most: f64| growth.ceil().clamp(0.0, most);
+    let aside = within(half - width / 2.0, (MAX_GROWTH - 1.0) * (width / 2.0).floor());
+    let above = within(above, (MAX_GROWTH - 1.0) * height);
+    let below = within(below, (MAX_GROWTH - 1.0) * height - above);
+    for found in &mut alignment.views {
+        found.transform.dx += aside;
+        found.transform.dy += above;
+    }
+    // Whole numbers of at most twice the size.
+    canvas.width += 2 * aside as u32;
+    canvas.height += (above + below) as u32;
+    canvas.axis_x += aside;
+    canvas.rows = canvas.rows.map(|row| row + above);
+}

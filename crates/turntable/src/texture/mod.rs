@@ -1,0 +1,74 @@
+//! One texture for the draft, in the drawings' colours.
+//!
+//! | stage | what it does |
+//! |---|---|
+//! | [`paint`] | a drawing's colours without the ink of its outline, spread beyond its edge |
+//! | [`blend`] | the colour of a point of the surface: drawings that see it, weighed by how they do |
+//! | [`fill`] | colours of vertices that no drawing sees, from those around them |
+//! | [`atlas`] | faces laid out in islands on one square |
+//! | [`bake`] | the islands' texels |
+
+mod atlas;
+mod bake;
+mod blend;
+mod fill;
+mod paint;
+
+use image::RgbImage;
+use mesh::Mesh;
+use mesh::shading::ShadedMesh;
+use rayon::prelude::*;
+
+use crate::draft::Draft;
+use crate::surface::projection::{Rig, best_views};
+use atlas::Atlas;
+use blend::Camera;
+
+pub use blend::LinearColour;
+
+/// A mesh laid out on a texture.
+#[derive(Clone, Debug)]
+pub struct Textured {
+    /// Vertices are repeated where islands meet.
+    pub mesh: ShadedMesh,
+    /// One a position of `mesh`, origin top left.
+    pub coordinates: Vec<[f32; 2]>,
+    /// sRGB, square, its side a power of two.
+    pub texture: RgbImage,
+}
+
+/// Bakes the drawings' colours into one texture; `None` for a draft without triangles.
+///
+/// A point takes the colours of all drawings that see it, the more the straighter they face it
+/// and the farther it lies from where surfaces hide each other. What none sees is taken from the
+/// mirror image if the drawings are symmetric, or else from the nearest surface that has a colour.
+/// Outlines' ink stays out; lines inside of them are kept.
+pub fn texture(draft: &Draft<'_>) -> Option<Textured> {
+    let mesh = &draft.solid.mesh;
+    if mesh.triangles.is_empty() {
+        return None;
+    }
+    let rig = Rig::of_views(&draft.views);
+    let cameras: Vec<Camera> = (0..rig.azimuths.len())
+        .into_par_iter()
+        .map(|view| Camera::new(draft, &rig, view))
+        .collect();
+    let report = &draft.solid.report;
+    let mirror = report.mirror_plane.or(report.symmetric_about);
+    let colours = |point: &_, normal: &_| blend::colour(&cameras, &rig, mirror, point, normal);
+    Some(textured(mesh, &rig, &best_views(mesh, &rig), &colours))
+}
+
+/// * `labels`: per triangle, the view it is laid out as seen from.
+/// * `colour`: of a point with a normal; `None` where it is not known.
+fn textured(mesh: &Mesh, rig: &Rig, labels: &[usize], colour: &blend::ColourOf<'_>) -> Textured {
+    let shaded = mesh::shading::shaded(mesh, mesh::shading::CREASE_ANGLE_DEG);
+    let vertices = fill::vertex_colours(mesh, colour);
+    let atlas = Atlas::of(mesh, rig, labels);
+    let texture = bake::texture(mesh, &shaded, &atlas, &vertices, colour);
+    let (mesh, coordinates) = atlas.unwrapped(&shaded);
+    Textured { mesh, coordinates, texture }
+}
+
+#[cfg(test)]
+mod tests;
