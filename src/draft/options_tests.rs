@@ -90,6 +90,10 @@ fn choices_are_refused_unless_they_are_listed() {
             if option == "detection.detector" {
                 merge(&mut given, json!({"detection": {"descriptor": "sift"}}));
             }
+            if option == "export.forward" {
+                let along_z = value.as_str().is_some_and(|axis| axis.ends_with('z'));
+                merge(&mut given, json!({"export": {"up_axis": if along_z { "y" } else { "z" }}}));
+            }
             assert!(parse(&given).is_ok(), "{option}={value}");
         }
     }

@@ -108,10 +108,7 @@ pub fn model_files(
             ArtifactName::SolidThreeMf,
             three_mf(&printed_mm, triangles).map_err(encoding("solid.3mf"))?,
         ),
-        Artifact::new(
-            ArtifactName::Textured,
-            textured_glb(&textured, &drawn, reference_planes)?,
-        ),
+        Artifact::new(ArtifactName::Textured, textured_glb(&textured, &drawn, reference_planes)?),
         Artifact::new(ArtifactName::Thumbnail, thumbnail(&solid.mesh)?),
     ];
     Ok(Files { artifacts, ..Files::default() })
