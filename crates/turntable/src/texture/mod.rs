@@ -2,11 +2,11 @@
 //!
 //! | stage | what it does |
 //! |---|---|
-//! | [`paint`] | a drawing's colours without the ink of its outline, spread beyond its edge |
-//! | [`blend`] | the colour of a point of the surface: drawings that see it, weighed by how they do |
-//! | [`fill`] | colours of vertices that no drawing sees, from those around them |
-//! | [`atlas`] | faces laid out in islands on one square |
-//! | [`bake`] | the islands' texels |
+//! | `paint` | a drawing's colours without the ink of its outline, spread beyond its edge |
+//! | `blend` | the colour of a point of the surface: drawings that see it, weighed by how they do |
+//! | `fill` | colours of vertices that no drawing sees, from those around them |
+//! | `atlas` | faces laid out in islands on one square |
+//! | `bake` | the islands' texels |
 
 mod atlas;
 mod bake;
