@@ -107,10 +107,3 @@ class MeshScene:
         a, b, c = sides                                       # their median: one may miss a crossing
         solid = torch.maximum(torch.minimum(a, b), torch.minimum(torch.maximum(a, b), c)).abs() > .5
         return (solid | s.shells.view(-1, 1, 1, 1) & ((closed == 6) | surface)).float()
-
-
-class RandomScene:
-    """a batch of random subjects: headers and primitives"""
-    def __init__(s, hd, pr): s.hd, s.pr = hd, pr
-    def rays(s, ker, g, v, H, W, up, far): return ker.rays(s.hd, s.pr, g, v, H, W, up, far)
-    def occupancy(s, ker, g, dims): return (.5 - ker.vox(s.hd, s.pr, g, dims)).clamp_(0, 1)

@@ -23,9 +23,7 @@ use super::problem::{
     INVALID_BODY, INVALID_LINK, PRECONDITION_FAILED, Problem, RANGE_NOT_SATISFIABLE, UNAVAILABLE,
     UNKNOWN_ARTIFACT,
 };
-use super::reconstructions::Reconstructions;
-use super::resource::{OwnedId, Resource, find};
-use super::sheets::Sheets;
+use super::resource::{OwnedId, Resource, find, path_of};
 use jobs::{Job, JobId, StoreError};
 
 const DEFAULT_SECONDS: u32 = 3600;
@@ -91,10 +89,6 @@ pub(super) struct Signed {
     signature: String,
 }
 
-fn collection_of<R: Resource>() -> &'static str {
-    R::PATH.trim_start_matches("/v1/")
-}
-
 /// Makes a link to an artifact of the job.
 pub(super) async fn create<R: Resource>(
     api: &Api,
@@ -111,7 +105,7 @@ pub(super) async fn create<R: Resource>(
         .map_err(|detail| Problem::new(INVALID_BODY, detail))?
         .name;
     let expires = (Timestamp::now() + SignedDuration::from_secs(expires_in.into())).as_second();
-    let collection = collection_of::<R>();
+    let collection = R::PATH.trim_start_matches("/v1/");
     let mac = api.state.link_key.mac(collection, job.id, name, expires);
     let signature = hex::encode(mac.finalize().into_bytes());
     let url =
@@ -179,12 +173,6 @@ async fn linked(api: &Api, collection: &str, id: JobId) -> Result<Job, Problem> 
         Err(StoreError::NotFound(_)) => return Err(gone()),
         found => found?,
     };
-    let is_of = |kind, path: &str| job.kind == kind && path == collection;
-    if is_of(Reconstructions::KIND, collection_of::<Reconstructions>())
-        || is_of(Sheets::KIND, collection_of::<Sheets>())
-    {
-        Ok(job)
-    } else {
-        Err(gone())
-    }
+    let is_of = path_of(&job.kind, id).is_some_and(|path| path == format!("/v1/{collection}/{id}"));
+    if is_of { Ok(job) } else { Err(gone()) }
 }

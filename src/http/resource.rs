@@ -195,15 +195,25 @@ pub(super) async fn list<R: Resource, B: Serialize>(
     };
     let page = api.state.store.list(&query).await?;
     let next = page.next.map(|id| next_uri::<R>(&parameters, limit, id));
+    let views = page.jobs.iter().map(R::View::from).collect();
+    Ok(part_of_list(next, |next| body(views, next)))
+}
+
+/// Answers a part of a list, with a `Link` to the next one.
+///
+/// * `body`: makes the document with the URI of the next part.
+pub(super) fn part_of_list<B: Serialize>(
+    next: Option<String>,
+    body: impl FnOnce(Option<String>) -> B,
+) -> Response {
     let link = next
         .as_ref()
         .and_then(|next| HeaderValue::from_str(&format!("<{next}>; rel=\"next\"")).ok());
-    let views = page.jobs.iter().map(R::View::from).collect();
-    let mut response = Json(body(views, next)).into_response();
+    let mut response = Json(body(next)).into_response();
     if let Some(link) = link {
         response.headers_mut().insert(header::LINK, link);
     }
-    Ok(response)
+    response
 }
 
 /// How many entries a part of a list has at most.

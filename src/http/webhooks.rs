@@ -4,11 +4,11 @@ use std::marker::PhantomData;
 use std::sync::Arc;
 use std::time::Duration;
 
-use axum::Json;
 use axum::extract::rejection::PathRejection;
 use axum::extract::{FromRequestParts, Path, State};
 use axum::http::StatusCode;
 use axum::http::request::Parts;
+use axum::{Extension, Json};
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use url::Url;
@@ -120,17 +120,6 @@ impl From<(Delivery, Vec<DeliveryAttempt>)> for DeliveryDocument {
     }
 }
 
-/// The tenant of a request.
-pub(super) struct Tenant(TenantName);
-
-impl<S: Send + Sync> FromRequestParts<S> for Tenant {
-    type Rejection = Problem;
-
-    async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Problem> {
-        Ok(Self(Caller::of(parts)?.tenant.clone()))
-    }
-}
-
 /// The id of an `R` and of a message about it in the path.
 pub(super) struct DeliveryId<R> {
     job: OwnedId,
@@ -176,9 +165,9 @@ pub(super) async fn check(api: &Api, tenant: &TenantName, url: &str) -> Result<(
 )]
 pub(super) async fn get(
     State(api): State<Arc<Api>>,
-    Tenant(tenant): Tenant,
+    Extension(caller): Extension<Arc<Caller>>,
 ) -> Result<Json<WebhookDocument>, Problem> {
-    Ok(Json(WebhookDocument { url: api.state.store.webhook(&tenant).await? }))
+    Ok(Json(WebhookDocument { url: api.state.store.webhook(&caller.tenant).await? }))
 }
 
 /// Set where the ends of jobs are told.
@@ -194,13 +183,13 @@ pub(super) async fn get(
 )]
 pub(super) async fn put(
     State(api): State<Arc<Api>>,
-    Tenant(tenant): Tenant,
+    Extension(caller): Extension<Arc<Caller>>,
     Body(document): Body<WebhookDocument>,
 ) -> Result<Json<WebhookDocument>, Problem> {
     if let Some(url) = &document.url {
-        check(&api, &tenant, url).await?;
+        check(&api, &caller.tenant, url).await?;
     }
-    api.state.store.set_webhook(&tenant, document.url.as_deref()).await?;
+    api.state.store.set_webhook(&caller.tenant, document.url.as_deref()).await?;
     Ok(Json(document))
 }
 
@@ -217,10 +206,10 @@ pub(super) async fn put(
 )]
 pub(super) async fn new_secret(
     State(api): State<Arc<Api>>,
-    Tenant(tenant): Tenant,
+    Extension(caller): Extension<Arc<Caller>>,
 ) -> Result<(StatusCode, Json<SecretDocument>), Problem> {
     let secret = jobs::new_webhook_secret();
-    api.state.store.add_webhook_secret(&tenant, &secret, OVERLAP).await?;
+    api.state.store.add_webhook_secret(&caller.tenant, &secret, OVERLAP).await?;
     let overlap_until = Timestamp::now() + OVERLAP;
     Ok((StatusCode::CREATED, Json(SecretDocument { secret, overlap_until })))
 }

@@ -35,6 +35,23 @@ impl ImageLimits {
         pixels <= self.max_pixels && width.max(height) <= self.max_side_px
     }
 
+    /// Refuses a picture of a size that is not [admitted](Self::admit).
+    pub(crate) fn expect(&self, width: u32, height: u32) -> Result<(), ImageError> {
+        if self.admit(width, height) {
+            return Ok(());
+        }
+        let Self { max_pixels, max_side_px, .. } = *self;
+        Err(ImageError::TooManyPixels { width, height, max_pixels, max_side_px })
+    }
+
+    fn expect_bytes(&self, bytes: &[u8]) -> Result<(), ImageError> {
+        let size = bytes.len() as u64;
+        if size > self.max_bytes {
+            return Err(ImageError::TooManyBytes { bytes: size, limit: self.max_bytes });
+        }
+        Ok(())
+    }
+
     /// What reading a header may take: profiles and texts that inflate to more
     /// are refused.
     fn of_header() -> Limits {
@@ -144,14 +161,19 @@ pub struct Drawing {
 /// # Errors
 /// All of [`ImageError`]; [`ImageError::Damaged`] if the header itself is cut.
 pub fn inspect(bytes: &[u8], limits: &ImageLimits) -> Result<(Format, u32, u32), ImageError> {
-    let size = bytes.len() as u64;
-    if size > limits.max_bytes {
-        return Err(ImageError::TooManyBytes { bytes: size, limit: limits.max_bytes });
-    }
+    limits.expect_bytes(bytes)?;
     if is_svg(bytes) {
         let svg = Svg::parse(bytes, limits)?;
         return Ok((Format::Svg, svg.width, svg.height));
     }
+    let (format, width, height) = inspect_pixels(bytes, limits)?;
+    Ok((Format::Pixels(format), width, height))
+}
+
+fn inspect_pixels(
+    bytes: &[u8],
+    limits: &ImageLimits,
+) -> Result<(ImageFormat, u32, u32), ImageError> {
     if let Some(kind) = kinds::not_read(bytes) {
         return Err(ImageError::Unsupported { kind, remedy: kinds::REMEDY });
     }
@@ -164,20 +186,13 @@ pub fn inspect(bytes: &[u8], limits: &ImageLimits) -> Result<(Format, u32, u32),
     reader.limits(ImageLimits::of_header());
     let mut decoder = reader.into_decoder().map_err(damaged)?;
     let (width, height) = decoder.dimensions();
-    if !limits.admit(width, height) {
-        return Err(ImageError::TooManyPixels {
-            width,
-            height,
-            max_pixels: limits.max_pixels,
-            max_side_px: limits.max_side_px,
-        });
-    }
+    limits.expect(width, height)?;
     if width == 0 || height == 0 {
         return Err(ImageError::Damaged("it has no pixels".to_owned()));
     }
     let (width, height) =
         if is_turned(orientation(&mut decoder)) { (height, width) } else { (width, height) };
-    Ok((Format::Pixels(format), width, height))
+    Ok((format, width, height))
 }
 
 /// Decodes a drawing to 8-bit grey after [`inspect`]ing it.
@@ -214,10 +229,11 @@ pub fn decode_color(bytes: &[u8], limits: &ImageLimits) -> Result<RgbaImage, Ima
 
 /// The picture as it is looked at: turned as its EXIF orientation says.
 fn decoded(bytes: &[u8], limits: &ImageLimits) -> Result<DynamicImage, ImageError> {
-    let (format, width, height) = inspect(bytes, limits)?;
-    let Format::Pixels(format) = format else {
+    limits.expect_bytes(bytes)?;
+    if is_svg(bytes) {
         return Ok(Svg::parse(bytes, limits)?.rendered()?.into());
-    };
+    }
+    let (format, width, height) = inspect_pixels(bytes, limits)?;
     if let Some(kind) = kinds::several(bytes, format, ImageLimits::of_picture(width, height)) {
         return Err(ImageError::Unsupported { kind, remedy: kinds::ONE_BY_ONE });
     }

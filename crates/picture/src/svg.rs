@@ -68,14 +68,7 @@ impl Svg {
         // Casts saturate.
         let [width, height] =
             [own_width, own_height].map(|side| (side * scale).round().max(1.0) as u32);
-        if !limits.admit(width, height) {
-            return Err(ImageError::TooManyPixels {
-                width,
-                height,
-                max_pixels: limits.max_pixels,
-                max_side_px: limits.max_side_px,
-            });
-        }
+        limits.expect(width, height)?;
         let found = Self { tree, width, height, scale };
         let canvas = [width as f32, height as f32];
         if visited(found.tree.root(), scale, canvas) > MAX_VISITED {

@@ -97,6 +97,11 @@ const TABLES: &[(&str, usize, Figure)] = &[
     ("Peak memory, MiB", 0, |t| t.mesh.as_ref().and(t.peak_memory_mib)),
 ];
 
+/// A cell of a table with its right border, empty without a figure.
+fn cell(figure: Option<f64>, decimals: usize) -> String {
+    figure.map_or_else(|| " |".to_owned(), |value| format!(" {value:.decimals$} |"))
+}
+
 fn quarter(trial: &Trial) -> Option<&ViewTrial> {
     trial.views.iter().find(|view| view.azimuth_deg == QUARTER_DEG)
 }
@@ -195,13 +200,10 @@ impl Run {
 
     fn means(&self, title: &str, is_in: &dyn Fn(&SheetTrial) -> bool) -> String {
         let group: Vec<_> = self.sheets.iter().filter(|sheet| is_in(sheet)).collect();
-        let cell = |(_, decimals, figure): &(&str, usize, Figure)| match mean(
-            group.iter().filter_map(|sheet| figure(&sheet.trial)),
-        ) {
-            Some(value) => format!(" {value:.decimals$} |"),
-            None => " |".to_owned(),
-        };
-        let cells: String = BY_KIND.iter().map(cell).collect();
+        let cells = BY_KIND.iter().map(|(_, decimals, figure)| {
+            cell(mean(group.iter().filter_map(|sheet| figure(&sheet.trial))), *decimals)
+        });
+        let cells: String = cells.collect();
         format!("| {title} | {} |{cells}\n", group.len())
     }
 
@@ -210,10 +212,8 @@ impl Run {
         let names: String = BY_KIND.iter().map(|(name, ..)| format!(" {name} |")).collect();
         let rule = "---|".repeat(BY_KIND.len() + 2);
         let rows = self.sheets.iter().map(|sheet| {
-            let cells = BY_KIND.iter().map(|(_, decimals, figure)| match figure(&sheet.trial) {
-                Some(value) => format!(" {value:.decimals$} |"),
-                None => " |".to_owned(),
-            });
+            let cells =
+                BY_KIND.iter().map(|(_, decimals, figure)| cell(figure(&sheet.trial), *decimals));
             let kind = sheet.kind.as_deref().unwrap_or("");
             format!("| {} | {kind} |{}\n", sheet.sheet, cells.collect::<String>())
         });
@@ -224,11 +224,7 @@ impl Run {
     fn row(&self, decimals: usize, figure: Figure) -> Option<String> {
         let figures: Vec<_> = self.sheets.iter().map(|sheet| figure(&sheet.trial)).collect();
         let mean = mean(figures.iter().flatten().copied())?;
-        let cell = |value: &Option<f64>| match value {
-            Some(value) => format!(" {value:.decimals$} |"),
-            None => " |".to_owned(),
-        };
-        let cells: String = figures.iter().map(cell).collect();
+        let cells: String = figures.iter().map(|figure| cell(*figure, decimals)).collect();
         Some(format!("| {} |{cells} {mean:.decimals$} |\n", self.name()))
     }
 

@@ -2,11 +2,10 @@
 
 use std::sync::Arc;
 
+use axum::Extension;
 use axum::extract::rejection::QueryRejection;
 use axum::extract::{Query, State};
-use axum::http::{HeaderValue, header};
-use axum::response::{IntoResponse, Response};
-use axum::{Extension, Json};
+use axum::response::Response;
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
@@ -16,7 +15,7 @@ use crate::http::Api;
 use crate::http::access::Caller;
 use crate::http::openapi::problem_responses;
 use crate::http::problem::{INVALID_QUERY, Problem, UNAVAILABLE};
-use crate::http::resource::{cursor, limit_of};
+use crate::http::resource::{cursor, limit_of, part_of_list};
 use jobs::StoredPage;
 
 problem_responses! { ListProblems: INVALID_QUERY, UNAVAILABLE }
@@ -102,11 +101,6 @@ pub(in crate::http) async fn list(
     found.truncate(limit as usize);
     let last = found.last().filter(|_| more);
     let next = last.map(|page| format!("/v1/pages?limit={limit}&cursor={}", page.id));
-    let link = next.as_ref().map(|next| format!("<{next}>; rel=\"next\""));
     let pages = found.into_iter().map(PageSummary::from).collect();
-    let mut response = Json(PageList { pages, next }).into_response();
-    if let Some(Ok(link)) = link.map(|link| HeaderValue::from_str(&link)) {
-        response.headers_mut().insert(header::LINK, link);
-    }
-    Ok(response)
+    Ok(part_of_list(next, |next| PageList { pages, next }))
 }

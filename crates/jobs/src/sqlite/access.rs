@@ -7,7 +7,7 @@ use sqlx::sqlite::SqliteRow;
 use sqlx::{FromRow, Row};
 use subtle::ConstantTimeEq;
 
-use super::{SqliteStore, backend, ownerless, rows};
+use super::{SqliteStore, backend, rows};
 use crate::access::{AccessStore, ApiKey, KeyText, NewKey, Tenant, TenantLimits, TenantName};
 use crate::{JobId, StoreError};
 
@@ -95,7 +95,7 @@ impl AccessStore for SqliteStore {
         if running || *name == TenantName::default() {
             return Err(StoreError::TenantInUse(name.clone()));
         }
-        let deleted: Vec<String> =
+        let mut deleted: Vec<String> =
             sqlx::query_scalar("DELETE FROM jobs WHERE tenant = ?1 RETURNING id")
                 .bind(name.as_str())
                 .fetch_all(&mut *transaction)
@@ -107,18 +107,13 @@ impl AccessStore for SqliteStore {
                 .fetch_all(&mut *transaction)
                 .await
                 .map_err(backend)?;
-        let jobs: Vec<JobId> =
-            deleted.iter().chain(&pages).filter_map(|id| id.parse().ok()).collect();
-        for id in &jobs {
-            ownerless::add(&mut transaction, *id, &self.clock.uptime()).await?;
-        }
+        deleted.extend(pages);
         sqlx::query("DELETE FROM tenants WHERE name = ?1")
             .bind(name.as_str())
             .execute(&mut *transaction)
             .await
             .map_err(backend)?;
-        transaction.commit().await.map_err(backend)?;
-        Ok(jobs)
+        self.let_go(transaction, deleted).await
     }
 
     async fn add_key(&self, key: &NewKey, text: &KeyText) -> Result<ApiKey, StoreError> {

@@ -43,7 +43,7 @@ pub(super) async fn expect_room(
 impl SqliteStore {
     /// Ends a deletion: the jobs and pages were deleted, and their bytes are
     /// ownerless from now on.
-    async fn let_go(
+    pub(super) async fn let_go(
         &self,
         mut transaction: Transaction<'static, Sqlite>,
         ids: Vec<String>,

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 use std::io::{self, Cursor, Write as _};
 
+use nalgebra::Vector3;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
@@ -40,11 +41,9 @@ pub fn stl(positions_mm: &[[f32; 3]], triangles: &[[u32; 3]]) -> io::Result<Vec<
 
 /// The unit normal; zero for a triangle without area, as readers expect.
 fn normal(a: [f32; 3], b: [f32; 3], c: [f32; 3]) -> [f32; 3] {
-    let from_a = |p: [f32; 3]| [0, 1, 2].map(|axis| f64::from(p[axis]) - f64::from(a[axis]));
-    let (u, v) = (from_a(b), from_a(c));
-    let cross = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
-    let length = cross.iter().map(|part| part * part).sum::<f64>().sqrt();
-    if length > 0.0 { cross.map(|part| (part / length) as f32) } else { [0.0; 3] }
+    let [a, b, c] = [a, b, c].map(|point| Vector3::from(point).cast::<f64>());
+    let normal = (b - a).cross(&(c - a)).try_normalize(0.0);
+    normal.unwrap_or_default().cast::<f32>().into()
 }
 
 /// 3MF (core specification 1.3): one object of shared vertices. It holds no

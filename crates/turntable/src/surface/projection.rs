@@ -65,7 +65,8 @@ impl Rig {
         }
     }
 
-    fn toward_camera(&self, view: usize) -> Vector3<f64> {
+    /// Unit vector, turntable frame.
+    pub(crate) fn toward_camera(&self, view: usize) -> Vector3<f64> {
         let (sine, cosine) = self.azimuths[view].radians().sin_cos();
         Vector3::new(sine, -cosine, 0.0)
     }
@@ -77,8 +78,10 @@ impl Rig {
 /// The view that it faces most among those that see it. Faces then follow their
 /// neighbours where that costs little, so that seams are few. `mesh` is closed;
 /// the rig has at least one view.
-pub fn best_views(mesh: &Mesh, rig: &Rig) -> Vec<usize> {
-    let scores = scores(mesh, rig);
+///
+/// * `buffers`: of the rig's views, in their order.
+pub fn best_views(mesh: &Mesh, rig: &Rig, buffers: &[DepthBuffer]) -> Vec<usize> {
+    let scores = scores(mesh, rig, buffers);
     let best = |scores: &[f64]| {
         let order = scores.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1).then(b.0.cmp(&a.0)));
         order.map_or(0, |(view, _)| view)
@@ -109,12 +112,8 @@ pub fn best_views(mesh: &Mesh, rig: &Rig) -> Vec<usize> {
 
 /// Per triangle and view, how well the view sees it: its cosine to the camera,
 /// less 2 if something hides it.
-fn scores(mesh: &Mesh, rig: &Rig) -> Vec<Vec<f64>> {
+fn scores(mesh: &Mesh, rig: &Rig, buffers: &[DepthBuffer]) -> Vec<Vec<f64>> {
     use rayon::prelude::*;
-    let buffers: Vec<DepthBuffer> = (0..rig.azimuths.len())
-        .into_par_iter()
-        .map(|view| DepthBuffer::of_view(mesh, rig, view, VISIBILITY_SCALE))
-        .collect();
     (0..mesh.triangles.len())
         .into_par_iter()
         .map(|triangle| {
@@ -132,7 +131,8 @@ fn scores(mesh: &Mesh, rig: &Rig) -> Vec<Vec<f64>> {
         .collect()
 }
 
-fn neighbours(mesh: &Mesh) -> Vec<Vec<usize>> {
+/// Per triangle, those across its edges.
+pub(crate) fn neighbours(mesh: &Mesh) -> Vec<Vec<usize>> {
     let edges = HalfEdges::new(mesh.positions.len(), &mesh.triangles);
     let around = |&[a, b, c]: &[u32; 3]| {
         let back = [(b, a), (c, b), (a, c)];
@@ -151,6 +151,13 @@ pub struct DepthBuffer {
 }
 
 impl DepthBuffer {
+    /// Draws `mesh`, a closed one, as all views see it, to tell what is hidden from them.
+    pub fn of_views(mesh: &Mesh, rig: &Rig) -> Vec<Self> {
+        use rayon::prelude::*;
+        let views = (0..rig.azimuths.len()).into_par_iter();
+        views.map(|view| Self::of_view(mesh, rig, view, VISIBILITY_SCALE)).collect()
+    }
+
     /// Draws `mesh`, a closed one, as view `view` sees it.
     ///
     /// * `scale`: how many times smaller than the view.
@@ -225,7 +232,8 @@ mod tests {
     fn faces_take_the_view_they_face() {
         let mesh = block(10.0);
         assert!(mesh.signed_volume() > 0.0);
-        let labels = best_views(&mesh, &rig(&[0.0, 90.0, 180.0, 270.0]));
+        let rig = rig(&[0.0, 90.0, 180.0, 270.0]);
+        let labels = best_views(&mesh, &rig, &DepthBuffer::of_views(&mesh, &rig));
         // Front (-Y), left (+X), back (+Y), right (-X).
         assert_eq!(&labels[..8], [0, 0, 1, 1, 2, 2, 3, 3]);
         // No level view sees the top and the bottom.

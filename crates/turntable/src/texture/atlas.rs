@@ -3,10 +3,9 @@
 use mesh::Mesh;
 use mesh::connected;
 use mesh::shading::{ShadedMesh, face_normal};
-use mesh::topology::HalfEdges;
 use nalgebra::{Point2, Point3};
 
-use crate::surface::projection::Rig;
+use crate::surface::projection::{Rig, neighbours};
 
 /// Texels around each island that repeat its edge.
 pub(super) const PADDING: u32 = 4;
@@ -114,16 +113,10 @@ fn along_axis(facing: usize, point: &Point3<f64>) -> Point2<f64> {
 
 /// Triangles of one chart that share edges.
 fn parts(mesh: &Mesh, charts: &[usize]) -> Vec<Vec<u32>> {
-    let edges = HalfEdges::new(mesh.positions.len(), &mesh.triangles);
-    let links = mesh.triangles.iter().enumerate().flat_map(|(face, &[a, b, c])| {
-        let back = [(b, a), (c, b), (a, c)];
-        let found = back.into_iter().filter_map(|(from, to)| edges.find(from, to));
-        let other = found.map(|edge| edge.triangle);
-        let same: Vec<_> = other
-            .filter(|&other| charts[other as usize] == charts[face])
-            .map(|other| (face as u32, other))
-            .collect();
-        same
+    let neighbours = neighbours(mesh);
+    let links = neighbours.iter().enumerate().flat_map(|(face, around)| {
+        let same = around.iter().filter(move |&&other| charts[other] == charts[face]);
+        same.map(move |&other| (face as u32, other as u32))
     });
     let (labels, count) = connected::components(charts.len(), links);
     let mut parts = vec![Vec::new(); count];

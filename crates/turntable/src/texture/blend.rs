@@ -28,25 +28,24 @@ const EDGE_WEIGHT: f64 = 0.02;
 const STEP: f64 = 0.02;
 
 /// A drawing and what the draft hides from it.
-pub(super) struct Camera {
+pub(super) struct Camera<'a> {
     paint: Paint,
-    depth: DepthBuffer,
+    depth: &'a DepthBuffer,
     /// Distance from the nearest edge of a surface, pixels of the depth buffer.
     inside: GrayImage,
     toward: Vector3<f64>,
 }
 
-impl Camera {
+impl<'a> Camera<'a> {
     /// * `view`: its index in the rig and the draft.
-    pub(super) fn new(draft: &Draft<'_>, rig: &Rig, view: usize) -> Self {
-        let depth = DepthBuffer::of_view(&draft.solid.mesh, rig, view, VISIBILITY_SCALE);
-        let (sine, cosine) = rig.azimuths[view].radians().sin_cos();
+    /// * `depth`: of the view.
+    pub(super) fn new(draft: &Draft<'_>, rig: &Rig, view: usize, depth: &'a DepthBuffer) -> Self {
         let step = STEP * f64::from(rig.height);
         Self {
             paint: Paint::of_view(&draft.views.views()[view], &draft.silhouettes.silhouettes[view]),
-            inside: distance_transform(&edges(&depth, rig, step as f32), LInf),
+            inside: distance_transform(&edges(depth, rig, step as f32), LInf),
             depth,
-            toward: Vector3::new(sine, -cosine, 0.0),
+            toward: rig.toward_camera(view),
         }
     }
 
@@ -98,7 +97,7 @@ fn edges(depth: &DepthBuffer, rig: &Rig, step: f32) -> GrayImage {
 
 /// The colour of a point, from the cameras that see it, or see its mirror image.
 pub(super) fn colour(
-    cameras: &[Camera],
+    cameras: &[Camera<'_>],
     rig: &Rig,
     mirror: Option<MirrorPlane>,
     point: &Point3<f64>,

@@ -20,7 +20,7 @@ use mesh::shading::ShadedMesh;
 use rayon::prelude::*;
 
 use crate::draft::Draft;
-use crate::surface::projection::{Rig, best_views};
+use crate::surface::projection::{DepthBuffer, Rig, best_views};
 use atlas::Atlas;
 use blend::Camera;
 
@@ -49,14 +49,16 @@ pub fn texture(draft: &Draft<'_>) -> Option<Textured> {
         return None;
     }
     let rig = Rig::of_views(&draft.views);
-    let cameras: Vec<Camera> = (0..rig.azimuths.len())
-        .into_par_iter()
-        .map(|view| Camera::new(draft, &rig, view))
+    let buffers = DepthBuffer::of_views(mesh, &rig);
+    let cameras: Vec<Camera> = buffers
+        .par_iter()
+        .enumerate()
+        .map(|(view, depth)| Camera::new(draft, &rig, view, depth))
         .collect();
     let report = &draft.solid.report;
     let mirror = report.mirror_plane.or(report.symmetric_about);
     let colours = |point: &_, normal: &_| blend::colour(&cameras, &rig, mirror, point, normal);
-    Some(textured(mesh, &rig, &best_views(mesh, &rig), &colours))
+    Some(textured(mesh, &rig, &best_views(mesh, &rig, &buffers), &colours))
 }
 
 /// * `labels`: per triangle, the view it is laid out as seen from.

@@ -39,7 +39,7 @@ fn every_face_shows_the_colour_of_its_place() {
     };
     // The lower half is not known: filled from the upper one's rim.
     let colour = |point: &Point3<f64>, _: &Vector3<f64>| (point.z > 0.0).then(|| linear(point));
-    let labels = best_views(&mesh, &rig);
+    let labels = best_views(&mesh, &rig, &DepthBuffer::of_views(&mesh, &rig));
     let found = textured(&mesh, &rig, &labels, &colour);
     assert_eq!(found.mesh.triangles.len(), mesh.triangles.len());
     for triangle in 0..found.mesh.triangles.len() {
