@@ -15,6 +15,7 @@ mod redraw;
 mod report;
 mod rounding;
 mod section;
+mod smoothing;
 mod solid_views;
 mod symmetry;
 #[cfg(test)]
@@ -246,7 +247,12 @@ fn full_mesh(
         fuse(&mut field, &slices, &directions, &views);
     }
     steps.done(4, "field")?;
-    let without = || surface_of(&field, options);
+    let without = || match options.kind {
+        SolidKind::Creased => {
+            surface_of(&smoothing::smoothed(&field, &slices, &directions), options)
+        }
+        _ => surface_of(&field, options),
+    };
     let asks = options.prior != Switch::Off && options.kind == SolidKind::Creased;
     let (mesh, full_faces) = if asks {
         let has_depth = report.carving_views > 0;
