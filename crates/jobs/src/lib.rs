@@ -10,6 +10,7 @@ mod access;
 pub mod bytes;
 mod clock;
 mod pages;
+mod postgres;
 mod record;
 mod sqlite;
 mod storage;
@@ -23,6 +24,7 @@ pub use access::{
 };
 pub use clock::{Clock, ManualClock, SystemClock, Uptime};
 pub use pages::{NewPage, PageStore, StoredPage};
+pub use postgres::{PostgresOptions, PostgresStore};
 pub use sqlite::SqliteStore;
 pub use storage::StorageStore;
 pub use store::{JobStore, StoreError};
