@@ -36,7 +36,7 @@ const HEAVY: &[(&str, &[&str])] = &[
     ("object_store", &["jobs"]),
     ("safetensors", &["prior"]),
     ("axum", &[]),
-    ("reqwest", &[]),
+    ("reqwest", &["jobs"]),
 ];
 
 fn crates() -> PathBuf {

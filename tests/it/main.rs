@@ -2,6 +2,7 @@
 
 mod api;
 mod documents;
+mod farm;
 mod faults;
 mod layers;
 mod model_regressions;

@@ -94,7 +94,7 @@ impl S3 {
     }
 
     /// What a process must have in its environment to use the server.
-    pub fn environment(&self) -> [(&'static str, String); 5] {
+    pub fn environment(&self) -> [(String, String); 5] {
         [
             ("AWS_ENDPOINT", self.endpoint()),
             ("AWS_ALLOW_HTTP", "true".to_owned()),
@@ -102,6 +102,7 @@ impl S3 {
             ("AWS_ACCESS_KEY_ID", KEY_ID.to_owned()),
             ("AWS_SECRET_ACCESS_KEY", SECRET_KEY.to_owned()),
         ]
+        .map(|(name, value)| (name.to_owned(), value))
     }
 
     /// Lets it misbehave, from the next request on.

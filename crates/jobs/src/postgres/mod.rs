@@ -105,6 +105,18 @@ impl PostgresStore {
         Self::connect(url, options, None).await
     }
 
+    /// Whether the database of `url` has no tables of this store yet.
+    ///
+    /// # Errors
+    /// [`StoreError::Backend`] if `url` is none, or the database can't be reached.
+    pub async fn is_new(url: &str, options: &PostgresOptions) -> Result<bool, StoreError> {
+        let pool = pool(url, options).await?;
+        let found = sqlx::query_scalar("SELECT to_regclass('jobs') IS NULL");
+        let is_new = found.fetch_one(&pool).await.map_err(backend)?;
+        pool.close().await;
+        Ok(is_new)
+    }
+
     /// As [`Self::open`], with leases and times by `clock`.
     ///
     /// # Errors
@@ -119,14 +131,7 @@ impl PostgresStore {
         options: &PostgresOptions,
         clock: Option<Arc<dyn Clock>>,
     ) -> Result<Self, StoreError> {
-        let target: PgConnectOptions = url.parse().map_err(backend)?;
-        let target = target.application_name("turnaround");
-        let pool = PgPoolOptions::new()
-            .max_connections(options.max_connections)
-            .acquire_timeout(options.patience)
-            .connect_with(target)
-            .await
-            .map_err(backend)?;
+        let pool = pool(url, options).await?;
         // Under a lock of the database, which sqlx takes. Nodes of the version
         // before may start while those of the next one run.
         let mut migrations = sqlx::migrate!("./migrations/postgres");
@@ -186,6 +191,16 @@ impl PostgresStore {
         }
         write().await
     }
+}
+
+async fn pool(url: &str, options: &PostgresOptions) -> Result<PgPool, StoreError> {
+    let target: PgConnectOptions = url.parse().map_err(backend)?;
+    PgPoolOptions::new()
+        .max_connections(options.max_connections)
+        .acquire_timeout(options.patience)
+        .connect_with(target.application_name("turnaround"))
+        .await
+        .map_err(backend)
 }
 
 impl Drop for PostgresStore {

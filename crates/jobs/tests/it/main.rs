@@ -1,6 +1,7 @@
-//! The job store suite, run over every implementation, and what only the
-//! SQLite one must show.
+//! The suites of job store and byte store, run over every implementation, and
+//! what only the SQLite store must show.
 
+mod bytes;
 mod outbox;
 mod postgres;
 mod storage;
