@@ -204,11 +204,18 @@ async fn first_key(store: &dyn AccessStore, path: &Path) -> Result<()> {
     let within = || format!("reading the first key from {}", path.display());
     let text = std::fs::read_to_string(path).with_context(within)?;
     let text: KeyText = text.trim().parse().with_context(within)?;
-    if store.keys().await?.iter().any(|key| key.id == text.id()) {
+    let is_there =
+        async || -> Result<bool> { Ok(store.keys().await?.iter().any(|key| key.id == text.id())) };
+    if is_there().await? {
         return Ok(());
     }
     let (tenant, label) = (TenantName::default(), "first".to_owned());
-    store.add_key(&NewKey { tenant, label, scope: Scope::Admin }, &text).await?;
+    let added = store.add_key(&NewKey { tenant, label, scope: Scope::Admin }, &text).await;
+    // Another node may have been faster.
+    if added.is_err() && is_there().await? {
+        return Ok(());
+    }
+    added?;
     Ok(())
 }
 

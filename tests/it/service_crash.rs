@@ -99,7 +99,7 @@ impl Service {
             .map_while(Result::ok)
             .find_map(|line| line.split_once("http://").map(|(_, address)| address.to_owned()))
             .expect("the service says where it listens");
-        let client = Client::builder().no_proxy().build().unwrap();
+        let client = crate::client();
         let url = format!("http://{}/v1/reconstructions", url.trim());
         Self { child, uploader: Uploader { client, url } }
     }
