@@ -36,7 +36,7 @@ struct Trouble {
     store_faults: u32,
 }
 
-pub async fn run(seconds: u64, jobs: u64, seed: u64) -> Result<()> {
+pub(crate) async fn run(seconds: u64, jobs: u64, seed: u64) -> Result<()> {
     let mut farm = Farm::start()?;
     let mut nodes = (0..API_NODES).map(|_| farm.api()).collect::<Result<Vec<_>>>()?;
     let mut workers = (0..WORKERS).map(|_| farm.worker()).collect::<Result<Vec<_>>>()?;

@@ -11,7 +11,7 @@ use crate::{Result, upload};
 
 const PATIENCE: Duration = Duration::from_secs(60);
 
-pub async fn measure(jobs: u64) -> Result<()> {
+pub(crate) async fn measure(jobs: u64) -> Result<()> {
     println!("| stores | jobs | queued to started p50 ms | p99 ms | post to answer p50 ms |");
     println!("|---|---|---|---|---|");
     let folder = tempfile::tempdir()?;

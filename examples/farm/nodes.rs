@@ -11,29 +11,29 @@ use testbed::{BUCKET, Durability, Postgres, S3};
 
 use crate::Result;
 
-pub struct Farm {
-    pub postgres: Postgres,
-    pub s3: S3,
+pub(crate) struct Farm {
+    pub(crate) postgres: Postgres,
+    pub(crate) s3: S3,
     database: String,
-    pub folder: TempDir,
+    pub(crate) folder: TempDir,
 }
 
 impl Farm {
-    pub fn start() -> Result<Self> {
+    pub(crate) fn start() -> Result<Self> {
         let (postgres, s3) = (Postgres::start(Durability::Full), S3::start());
         let database = postgres.database();
         Ok(Self { postgres, s3, database, folder: tempfile::tempdir()? })
     }
 
     /// A node that answers requests and runs nothing.
-    pub fn api(&self) -> Result<Node> {
+    pub(crate) fn api(&self) -> Result<Node> {
         let mut command = self.command("serve")?;
         command.args(["--listen", "127.0.0.1:0", "--workers", "0", "--max-attempts", "50"]);
         Node::start(command)
     }
 
     /// A node that runs a job at a time.
-    pub fn worker(&self) -> Result<Node> {
+    pub(crate) fn worker(&self) -> Result<Node> {
         let mut command = self.command("worker")?;
         command.args(["--threads-per-job", "1", "--lease", "6", "--heartbeat", "2"]);
         Node::start(command)
@@ -47,11 +47,11 @@ impl Farm {
         Ok(command)
     }
 
-    pub async fn store(&self) -> Result<PostgresStore> {
+    pub(crate) async fn store(&self) -> Result<PostgresStore> {
         Ok(PostgresStore::open(&self.database, &PostgresOptions::default()).await?)
     }
 
-    pub fn bytes(&self) -> Result<ByteStore> {
+    pub(crate) fn bytes(&self) -> Result<ByteStore> {
         Ok(ByteStore::s3(&address(), self.s3.environment())?)
     }
 }
@@ -61,21 +61,21 @@ fn address() -> String {
 }
 
 /// The program that was built with this one.
-pub fn program() -> Result<PathBuf> {
+pub(crate) fn program() -> Result<PathBuf> {
     let own = std::env::current_exe()?;
     let folder = own.ancestors().nth(2).ok_or("no folder of programs")?;
     Ok(folder.join("turnaround"))
 }
 
 /// A process; killed without warning when dropped.
-pub struct Node {
+pub(crate) struct Node {
     process: Child,
     /// Where it answers, if it does.
-    pub url: Option<String>,
+    pub(crate) url: Option<String>,
 }
 
 impl Node {
-    pub fn start(mut command: Command) -> Result<Self> {
+    pub(crate) fn start(mut command: Command) -> Result<Self> {
         let is_api = command.get_args().any(|argument| argument == "serve");
         let mut process = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn()?;
         let output = process.stdout.take().ok_or("no output")?;

@@ -10,7 +10,7 @@ use reqwest::multipart::{Form, Part};
 use crate::Result;
 
 /// Three views, cheap to reconstruct.
-pub fn sheet(seed: u64) -> Result<Form> {
+pub(crate) fn sheet(seed: u64) -> Result<Form> {
     let mut form = Form::new().text("turntable.solid.resolution", "32");
     for azimuth_deg in [0, 45, 90] {
         let png = drawing(seed, azimuth_deg)?;

@@ -31,7 +31,7 @@ const IMPURE: &[&str] =
 const HEAVY: &[(&str, &[&str])] = &[
     ("opencv", &["uncalibrated"]),
     ("uncalibrated", &["study"]),
-    ("tokio", &["jobs"]),
+    ("tokio", &["jobs", "testbed"]),
     ("sqlx", &["jobs"]),
     ("object_store", &["jobs"]),
     ("safetensors", &["prior"]),
