@@ -39,8 +39,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         measure(&runtime, "SQLite", Arc::new(sqlite), queued)?;
         fs::remove_file(database)?;
         let url = postgres.database();
-        let opening = PostgresStore::open(&url, &PostgresOptions::default());
-        let store = runtime.block_on(opening)?;
+        let options = PostgresOptions::default();
+        let store = runtime.block_on(PostgresStore::open(&url, &options))?;
         measure(&runtime, "PostgreSQL", Arc::new(store), queued)?;
     }
     Ok(())

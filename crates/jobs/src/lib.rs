@@ -6,6 +6,11 @@
 //! later write names the (job, attempt) it was claimed with, so that a worker
 //! that lost its lease can change nothing.
 
+#![expect(
+    clippy::duplicate_mod,
+    reason = "both job stores compile the modules of `sql`, each with its own driver's types"
+)]
+
 mod access;
 pub mod bytes;
 mod clock;
