@@ -78,7 +78,8 @@ fn compare_sheet(dir: &Path, pictures: Option<&Path>) -> Result<Row> {
     let mut row = Row::default();
     for view in sheet["views"].as_array().ok_or("no views in sheet.json")? {
         let file = |key: &str| view[key].as_str().map(|file| dir.join(file));
-        let drawn = drawer.draw_view(Azimuth::from_degrees(number(&view["azimuth_deg"])?)?)?;
+        let drawn =
+            drawer.draw_view(Azimuth::from_degrees(number(&view["azimuth_deg"])?)?.into())?;
         let ours = drawn.image.to_luma8();
         let theirs = image::open(file("image").ok_or("a view without image")?)?.into_luma8();
         row.views += 1;
@@ -90,7 +91,7 @@ fn compare_sheet(dir: &Path, pictures: Option<&Path>) -> Result<Row> {
         }
         if let Some(pictures) = pictures {
             fs::create_dir_all(pictures)?;
-            let azimuth = drawn.azimuth.to_string();
+            let azimuth = drawn.viewpoint.azimuth.to_string();
             overlay(&theirs, &ours).save(pictures.join(format!("{azimuth:0>3}.png")))?;
         }
     }

@@ -47,13 +47,14 @@ failure_codes! {
         "make all views one size, at different angles";
     InvalidTruth = "invalid_truth", "The ground truth cannot be used.",
         "check its files, sizes and scale";
-    TooFewViews = "too_few_views", "The sheet has fewer views than the method takes.",
-        "add views, or choose a method that takes fewer";
+    TooFewViews = "too_few_views", "The sheet has fewer level views than the method takes.",
+        "add level views, or choose a method that takes fewer";
     SizesDiffer = "sizes_differ", "The views differ in size.", "make all views one size";
     TooLarge = "too_large", "Views and options need more memory than a job may take.",
         "use smaller views, fewer disparities, or another mode or detector";
     ElevationUnsupported = "elevation_unsupported",
-        "A view is drawn from above or below, and the method takes level views.", "leave it out";
+        "A view is drawn from above or below, and the method takes level views.",
+        "leave it out, or use the method turntable";
     BlankView = "blank_view", "Nothing is drawn in a view.",
         "draw dark lines on light paper, give a mask, or leave the view out";
     NoPaper = "no_paper", "No paper is left around the subject.",
@@ -79,7 +80,7 @@ failure_codes! {
         "decimate the model";
     NoViews = "no_views", "No view is asked for.", "give at least one azimuth";
     TooManyViews = "too_many_views", "Too many views are asked for.", "leave some out";
-    DuplicateView = "duplicate_view", "A view is asked for twice.", "give each azimuth once";
+    DuplicateView = "duplicate_view", "A view is asked for twice.", "give each direction once";
     TimeLimit = "time_limit", "The job took longer than a job may.",
         "use smaller or fewer views, or cheaper options";
     EnvironmentTrouble = "environment_trouble",

@@ -75,7 +75,7 @@ fn measure(name: &str, model: &Model, wanted: &Wanted) {
         .iter()
         .map(|&degrees| {
             let azimuth = Azimuth::from_degrees(degrees).expect("an angle");
-            Clean::new(drawer.draw_view(azimuth).expect("a view").image.to_luma8())
+            Clean::new(drawer.draw_view(azimuth.into()).expect("a view").image.to_luma8())
         })
         .collect();
     let mut truth = prepared.mesh().clone();
@@ -203,7 +203,8 @@ fn pictures(
     views: &[(f64, RgbaImage, GrayImage)],
 ) {
     for (azimuth, found) in decoded.masks() {
-        let Some((_, drawing, _)) = views.iter().find(|view| view.0 == azimuth.degrees()) else {
+        let Some((_, drawing, _)) = views.iter().find(|view| view.0 == azimuth.azimuth.degrees())
+        else {
             continue;
         };
         let mut picture = drawing.clone();
@@ -218,7 +219,7 @@ fn pictures(
                 }
             }
         }
-        let path = folder.join(format!("{name} {}.png", azimuth.degrees()));
+        let path = folder.join(format!("{name} {azimuth}.png"));
         picture.save(path).expect("a writable folder");
     }
 }
@@ -229,7 +230,7 @@ fn silhouettes(decoded: &Decoded<'_>, views: &[(f64, RgbaImage, GrayImage)]) -> 
     let scores: Vec<f64> = views
         .iter()
         .filter_map(|(degrees, _, mask)| {
-            let (_, ours) = found.iter().find(|(azimuth, _)| azimuth.degrees() == *degrees)?;
+            let (_, ours) = found.iter().find(|(own, _)| own.azimuth.degrees() == *degrees)?;
             (ours.dimensions() == mask.dimensions()).then(|| iou(ours, mask))
         })
         .collect();

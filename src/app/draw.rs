@@ -13,11 +13,10 @@ use super::failure::Failure;
 use super::inputs;
 use artifacts::Artifact;
 use drawing::{Background, DrawError, DrawOptions, PreparedModel, SheetLimits, draw_sheet};
-use frames::UpAxis;
 use mesh::builtin::ProceduralModel;
 use mesh::read::{self, Limits, Model, ModelFormat};
 
-use frames::AzimuthList;
+use frames::{UpAxis, ViewpointList};
 
 #[derive(Args, Debug)]
 pub(super) struct DrawArgs {
@@ -28,9 +27,9 @@ pub(super) struct DrawArgs {
     /// Folder for the sheet; made if missing
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
-    /// Views, degrees: 0,45,90 or FROM:TO:STEP
+    /// Views, degrees: 0,45,90 or FROM:TO:STEP; from above or below with the elevation: 0@90
     #[arg(long, value_name = "AZIMUTHS", default_value = "0:90:5")]
-    azimuths: AzimuthList,
+    azimuths: ViewpointList,
     /// Which axis of the file points up, y or z; glTF has y, the others are read as z
     #[arg(long, value_name = "AXIS")]
     up_axis: Option<String>,
@@ -85,10 +84,10 @@ pub(super) fn run(args: &DrawArgs) -> Result<(), Failure> {
     fs::create_dir_all(&args.output)
         .with_context(|| args.output.display().to_string())
         .map_err(Failure::Internal)?;
-    let (azimuths, limits) = (&args.azimuths.0, SheetLimits::default());
-    draw_sheet(&prepared, azimuths, &options, &limits, &bar, &mut keep)?;
+    let (viewpoints, limits) = (args.azimuths.at(options.elevation()), SheetLimits::default());
+    draw_sheet(&prepared, &viewpoints, &options, &limits, &bar, &mut keep)?;
     drop(bar);
-    println!("{} views: {files} files in {}", azimuths.len(), args.output.display());
+    println!("{} views: {files} files in {}", viewpoints.len(), args.output.display());
     Ok(())
 }
 

@@ -16,7 +16,7 @@ use super::inputs;
 use crate::draft::{self, DraftError, Summary};
 use artifacts::{Artifact, ArtifactName, ArtifactSink, ArtifactWriter};
 
-use frames::{Azimuth, AzimuthList};
+use frames::{Azimuth, Elevation, Viewpoint, ViewpointList};
 use sheet::{SheetDocument, ViewDocument};
 
 #[derive(Args, Debug)]
@@ -24,8 +24,9 @@ pub(super) struct ReconstructArgs {
     /// Sheet document; its image names are relative to it
     #[arg(required_unless_present = "view", conflicts_with = "view", value_name = "SHEET.json")]
     sheet: Option<PathBuf>,
-    /// A drawing and its azimuth in degrees, such as 45=quarter.png; repeatable
-    #[arg(long, value_name = "AZIMUTH=FILE")]
+    /// A drawing and its azimuth in degrees, such as 45=quarter.png; from above or below with its
+    /// elevation, such as 0@90=top.png; repeatable
+    #[arg(long, value_name = "AZIMUTH[@ELEVATION]=FILE")]
     view: Vec<String>,
     /// The subject's mask in a view, such as 45=mask.png; repeatable
     #[arg(long, value_name = "AZIMUTH=FILE")]
@@ -33,9 +34,9 @@ pub(super) struct ReconstructArgs {
     /// Folder for the artifacts; made if missing
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
-    /// Use only these views, degrees: 0,45,90 or FROM:TO:STEP
+    /// Use only these views, degrees: 0,45,90 or FROM:TO:STEP, with elevations 0@90
     #[arg(long, value_name = "AZIMUTHS")]
-    azimuths: Option<AzimuthList>,
+    azimuths: Option<ViewpointList>,
     /// How the sheet becomes a 3D draft; see GET /v1/options
     #[arg(long)]
     method: Option<String>,
@@ -79,21 +80,24 @@ fn document(args: &ReconstructArgs) -> Result<(SheetDocument, PathBuf)> {
         None => (SheetDocument { views: views(args)?, ..Default::default() }, PathBuf::new()),
     };
     for mask in &args.mask {
-        let (azimuth_deg, file) = azimuth_and_file(mask)?;
-        let azimuth = Azimuth::from_degrees(azimuth_deg)?;
-        let view = document.views.iter_mut().find(|view| at(view, azimuth));
-        view.with_context(|| format!("--mask {mask}: there is no view at {azimuth}"))?.mask =
+        let (viewpoint, file) = viewpoint_and_file(mask)?;
+        let usual = document.elevation_deg;
+        let view = document.views.iter_mut().find(|view| at(view, usual, viewpoint));
+        view.with_context(|| format!("--mask {mask}: there is no view at {viewpoint}"))?.mask =
             Some(file);
     }
-    if let Some(AzimuthList(wanted)) = &args.azimuths {
-        for azimuth in wanted {
-            if !document.views.iter().any(|view| at(view, *azimuth)) {
-                bail!("--azimuths: the sheet has no view at {azimuth}");
+    if let Some(list) = &args.azimuths {
+        let usual = document.elevation_deg;
+        let wanted = list.at(Elevation::from_degrees(usual)?);
+        for viewpoint in &wanted {
+            if !document.views.iter().any(|view| at(view, usual, *viewpoint)) {
+                bail!("--azimuths: the sheet has no view at {viewpoint}");
             }
         }
-        document.views.retain(|view| wanted.iter().any(|azimuth| at(view, *azimuth)));
+        document.views.retain(|view| wanted.iter().any(|own| at(view, usual, *own)));
         // Of pairs that are still there; views left out part neighbours.
-        let is_wanted = |degrees| wanted.iter().any(|a| Azimuth::from_degrees(degrees) == Ok(*a));
+        let is_wanted =
+            |degrees| wanted.iter().any(|own| Azimuth::from_degrees(degrees) == Ok(own.azimuth));
         document
             .matches
             .retain(|pair| is_wanted(pair.left_azimuth_deg) && is_wanted(pair.right_azimuth_deg));
@@ -101,26 +105,37 @@ fn document(args: &ReconstructArgs) -> Result<(SheetDocument, PathBuf)> {
     Ok((document, base))
 }
 
-fn at(view: &ViewDocument, azimuth: Azimuth) -> bool {
-    Azimuth::from_degrees(view.azimuth_deg) == Ok(azimuth)
+/// * `usual`: the elevation of views that say none, degrees.
+fn at(view: &ViewDocument, usual: f64, viewpoint: Viewpoint) -> bool {
+    let elevation_deg = view.elevation_deg.unwrap_or(usual);
+    Azimuth::from_degrees(view.azimuth_deg) == Ok(viewpoint.azimuth)
+        && Elevation::from_degrees(elevation_deg) == Ok(viewpoint.elevation)
 }
 
 fn views(args: &ReconstructArgs) -> Result<Vec<ViewDocument>> {
     args.view
         .iter()
         .map(|view| {
-            let (azimuth_deg, image) = azimuth_and_file(view)?;
-            Ok(ViewDocument { image, azimuth_deg, ..Default::default() })
+            let (Viewpoint { azimuth, elevation }, image) = viewpoint_and_file(view)?;
+            Ok(ViewDocument {
+                image,
+                azimuth_deg: azimuth.degrees(),
+                elevation_deg: Some(elevation.degrees()),
+                ..Default::default()
+            })
         })
         .collect()
 }
 
-fn azimuth_and_file(text: &str) -> Result<(f64, String)> {
-    let (azimuth, file) =
-        text.split_once('=').with_context(|| format!("{text:?} is not AZIMUTH=FILE"))?;
-    let azimuth_deg: f64 =
-        azimuth.trim().parse().map_err(|_| anyhow!("{azimuth:?} is no angle in degrees"))?;
-    Ok((azimuth_deg, file.to_owned()))
+fn viewpoint_and_file(text: &str) -> Result<(Viewpoint, String)> {
+    let (angles, file) = text
+        .split_once('=')
+        .with_context(|| format!("{text:?} is not AZIMUTH[@ELEVATION]=FILE"))?;
+    let list: ViewpointList = angles.parse().map_err(|error| anyhow!("{text:?}: {error}"))?;
+    match list.at(Elevation::LEVEL)[..] {
+        [viewpoint] => Ok((viewpoint, file.to_owned())),
+        _ => bail!("{angles:?} is not one view"),
+    }
 }
 
 /// The sheet's own options with those of the command line laid over them.

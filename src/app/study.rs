@@ -23,7 +23,7 @@ const WIDER: (&str, f64) = ("hero", 15.0);
 
 /// What a sheet must have to be studied.
 const REQUIREMENTS: SheetRequirements =
-    SheetRequirements { min_views: 3, max_views: 360, equal_sizes: true };
+    SheetRequirements { min_views: 3, max_views: 360, equal_sizes: true, elevated: false };
 
 #[derive(Args, Debug)]
 pub(super) struct StudyArgs {
@@ -145,7 +145,7 @@ fn view(folder: &Path, placed: &PlacedView) -> Result<View> {
     let drawing = picture::decode(&read(folder, &placed.image)?, &ImageLimits::default())
         .map_err(|error| anyhow!("{} {error}", placed.image))?;
     let level = View::level(placed.azimuth, drawing.gray, drawing.alpha);
-    Ok(View { elevation_deg: placed.elevation_deg, ..level })
+    Ok(View { elevation: placed.elevation, ..level })
 }
 
 fn read(folder: &Path, name: &str) -> Result<Vec<u8>> {

@@ -9,7 +9,7 @@ use super::options::{self, Method, Options};
 use super::subjects::{self, Preparation};
 use super::{DraftError, ReadImage};
 use crate::failure_code::FailureCode;
-use frames::Azimuth;
+use frames::{Azimuth, Elevation, Viewpoint};
 use picture::ImageLimits;
 use progress::{Observer, Progress, Stage};
 use sheet::{Sheet, SheetDocument, View, ViewDocument};
@@ -18,6 +18,7 @@ use sheet::{Sheet, SheetDocument, View, ViewDocument};
 struct Inspected<'a> {
     document: &'a ViewDocument,
     azimuth: Azimuth,
+    elevation: Elevation,
     drawing: Vec<u8>,
     mask: Option<Vec<u8>>,
     width_px: u32,
@@ -48,10 +49,23 @@ pub(super) fn decode_sheet(
         let detail = format!("the sheet has {found} views; the method takes at least {required}");
         return Err(DraftError::input(FailureCode::TooFewViews, detail));
     }
+    let elevations = document.views.iter().map(|view| elevation_of(view, document));
+    let elevations = elevations.collect::<Result<Vec<Elevation>, _>>()?;
+    let level = elevations.iter().filter(|elevation| **elevation == Elevation::LEVEL).count();
+    if level < found && !options.method.takes_elevated() {
+        let detail = "the method takes level views alone; leave the others out";
+        return Err(DraftError::input(FailureCode::ElevationUnsupported, detail));
+    }
+    if level < required {
+        let detail = format!(
+            "{level} of the sheet's {found} views are level; the method takes at least {required}"
+        );
+        return Err(DraftError::input(FailureCode::TooFewViews, detail));
+    }
     let mut inspected = Vec::with_capacity(found);
-    for view in &document.views {
+    for (view, elevation) in document.views.iter().zip(elevations) {
         observer.check()?;
-        inspected.push(inspect(view, read, &limits.image)?);
+        inspected.push(inspect(view, elevation, read, &limits.image)?);
     }
     let threads = pool.current_num_threads();
     check_sizes(&inspected, options, threads, limits.max_working_bytes)?;
@@ -61,7 +75,7 @@ pub(super) fn decode_sheet(
             .with_max_len(1)
             .map(|view| {
                 observer.check()?;
-                decode(view, document.elevation_deg, &limits.image)
+                decode(view, &limits.image)
             })
             .collect()
     });
@@ -88,8 +102,15 @@ pub(super) fn decode_sheet(
     Ok(DecodedSheet { sheet, preparation })
 }
 
+fn elevation_of(view: &ViewDocument, document: &SheetDocument) -> Result<Elevation, DraftError> {
+    let degrees = view.elevation_deg.unwrap_or(document.elevation_deg);
+    Elevation::from_degrees(degrees)
+        .map_err(|error| DraftError::input(FailureCode::InvalidAzimuth, error))
+}
+
 fn inspect<'a>(
     view: &'a ViewDocument,
+    elevation: Elevation,
     read: ReadImage<'_>,
     limits: &ImageLimits,
 ) -> Result<Inspected<'a>, DraftError> {
@@ -110,7 +131,7 @@ fn inspect<'a>(
         }
         None => None,
     };
-    Ok(Inspected { document: view, azimuth, drawing, mask, width_px, height_px })
+    Ok(Inspected { document: view, azimuth, elevation, drawing, mask, width_px, height_px })
 }
 
 fn check_sizes(
@@ -193,26 +214,28 @@ pub fn check_memory(
 pub(super) struct DecodedView<'a> {
     pub document: &'a ViewDocument,
     pub azimuth: Azimuth,
-    pub elevation_deg: f64,
+    pub elevation: Elevation,
     pub drawing: RgbaImage,
     /// Given as a file; 128 and above inside.
     pub mask: Option<GrayImage>,
 }
 
 impl DecodedView<'_> {
+    /// Where its camera stands.
+    pub(super) fn viewpoint(&self) -> Viewpoint {
+        Viewpoint { azimuth: self.azimuth, elevation: self.elevation }
+    }
+
     /// The drawing as it is, in grey, transparency being the mask.
     fn into_drawn(self) -> View {
         let Drawing { gray, alpha } = picture::flatten(&self.drawing);
         let level = View::level(self.azimuth, gray, self.mask.or(alpha));
-        View { elevation_deg: self.elevation_deg, ..level }
+        let mask_was_found = self.document.mask_with_outline && level.mask.is_some();
+        View { elevation: self.elevation, mask_was_found, ..level }
     }
 }
 
-fn decode<'a>(
-    view: &Inspected<'a>,
-    default_elevation_deg: f64,
-    limits: &ImageLimits,
-) -> Result<DecodedView<'a>, DraftError> {
+fn decode<'a>(view: &Inspected<'a>, limits: &ImageLimits) -> Result<DecodedView<'a>, DraftError> {
     let refuse = |name: &str, error: picture::ImageError| {
         DraftError::input(FailureCode::InvalidImage, format!("image {name} {error}"))
     };
@@ -229,8 +252,8 @@ fn decode<'a>(
         imageops::flip_horizontal_in_place(&mut drawing);
         mask.as_mut().map(imageops::flip_horizontal_in_place);
     }
-    let elevation_deg = document.elevation_deg.unwrap_or(default_elevation_deg);
-    Ok(DecodedView { document, azimuth: view.azimuth, elevation_deg, drawing, mask })
+    let (azimuth, elevation) = (view.azimuth, view.elevation);
+    Ok(DecodedView { document, azimuth, elevation, drawing, mask })
 }
 
 #[cfg(test)]

@@ -73,9 +73,10 @@ impl From<turntable::DraftError> for DraftError {
         match error {
             Found::Cancelled(cancelled) => Self::Cancelled(cancelled),
             Found::Depth(error) => Self::internal(error),
-            Found::Elevated { .. } => Self::input(FailureCode::ElevationUnsupported, error),
+            Found::TooFewLevelViews { .. } => Self::input(FailureCode::TooFewViews, error),
             Found::Views(error) => Self::input(FailureCode::InvalidViews, error),
             Found::Hole(error) => Self::input(FailureCode::InvalidAzimuth, error),
+            Found::HoleElevation(error) => Self::input(FailureCode::InvalidAzimuth, error),
             Found::Silhouette(error) => {
                 let code = match error {
                     SilhouetteError::TooSmall { .. } => FailureCode::BlankView,

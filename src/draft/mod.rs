@@ -1,6 +1,8 @@
 //! The main job: a sheet document and its image bytes in, artifacts out.
 
+mod cleaned;
 mod decode;
+mod elevated;
 mod error;
 mod exporter;
 pub mod options;
@@ -15,7 +17,7 @@ use std::io;
 use std::thread;
 
 use artifacts::{ArtifactSink, Delivery};
-use frames::Azimuth;
+use frames::Viewpoint;
 use image::{GrayImage, RgbaImage};
 use progress::{Observer, Silent};
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -139,12 +141,12 @@ impl<'a> Decoded<'a> {
     }
 
     /// Each subject's area as it was found, 255 inside.
-    pub fn masks(&self) -> Vec<(Azimuth, GrayImage)> {
+    pub fn masks(&self) -> Vec<(Viewpoint, GrayImage)> {
         let pictures = self.preparation.as_ref().map_or(&[][..], |done| &done.cut_outs);
-        let mask = |(azimuth, picture): &(Azimuth, RgbaImage)| {
+        let mask = |(viewpoint, picture): &(Viewpoint, RgbaImage)| {
             let alpha = picture.pixels().map(|pixel| pixel.0[3]).collect();
             (
-                *azimuth,
+                *viewpoint,
                 GrayImage::from_raw(picture.width(), picture.height(), alpha).unwrap_or_default(),
             )
         };

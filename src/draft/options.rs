@@ -131,6 +131,14 @@ impl Method {
             Self::Turntable => false,
         }
     }
+
+    /// Whether it takes views from above and below beside level ones.
+    pub fn takes_elevated(self) -> bool {
+        match self {
+            Self::Uncalibrated => false,
+            Self::Turntable => true,
+        }
+    }
 }
 
 impl Options {

@@ -3,7 +3,7 @@
 //! Clean line art on white stays exactly as it was drawn; of everything else the
 //! subject is found, its lines are cleaned and its colours kept.
 
-use frames::Azimuth;
+use frames::{Azimuth, Viewpoint};
 use image::{GrayImage, Rgb, RgbImage, RgbaImage, imageops};
 use progress::Observer;
 use rayon::prelude::*;
@@ -12,11 +12,12 @@ use sheet::{View, ViewDocument};
 use subject::{
     AlignOptions, Aligned, Alignment, ByHand, DrawingKind, Gap, Hints, HypothesisOptions,
     PaperSummary, Piece, Point, Polarity, Removed, Subject, SubjectError, SubjectOptions,
-    Suggestion, align, apply, find, hypotheses, place_by_hand, trust,
+    Suggestion, Transform, align, apply, find, hypotheses, place_by_hand, trust,
 };
 
 use super::DraftError;
 use super::decode::DecodedView;
+use super::elevated;
 use super::options::{Options, Repair};
 use crate::failure_code::FailureCode;
 
@@ -35,12 +36,12 @@ const MAX_TESTED_VIEWS: usize = 12;
 
 /// What was found in the drawings and done to them.
 pub(super) struct Preparation {
-    /// By rising azimuth.
+    /// Level views by rising azimuth, then the others.
     pub drawings: Vec<DrawingReport>,
     /// Each subject cut out of its drawing, on the common canvas.
-    pub cut_outs: Vec<(Azimuth, RgbaImage)>,
+    pub cut_outs: Vec<(Viewpoint, RgbaImage)>,
     /// 0 where a view shows paper and the others the subject, of views that do.
-    pub trust: Vec<(Azimuth, GrayImage)>,
+    pub trust: Vec<(Viewpoint, GrayImage)>,
     /// How views were laid on one canvas; `None` if they were left in place.
     pub alignment: Option<Alignment>,
     /// What fits better otherwise.
@@ -53,6 +54,7 @@ pub(super) struct Preparation {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct DrawingReport {
     azimuth_deg: f64,
+    elevation_deg: f64,
     kind: DrawingKind,
     polarity: Polarity,
     paper: PaperSummary,
@@ -87,16 +89,20 @@ pub(super) fn prepare(
     options: &Options,
     observer: &dyn Observer,
 ) -> Result<(Vec<View>, Preparation), DraftError> {
-    views.sort_by_key(|view| view.azimuth);
+    views.sort_by_key(DecodedView::viewpoint);
     if let Some((view, (field, value, accepted))) =
         views.iter().find_map(|view| Some((view, view.document.wrong_place()?)))
     {
-        let detail = format!("view {}: {field} is {value}; give {accepted}", view.azimuth);
+        let detail = format!("view {}: {field} is {value}; give {accepted}", view.viewpoint());
         return Err(DraftError::input(FailureCode::InvalidSheet, detail));
     }
     let found: Vec<_> =
         views.par_iter().with_max_len(1).map(|view| find_in(view, options, observer)).collect();
-    let mut subjects = found.into_iter().collect::<Result<Vec<Subject>, _>>()?;
+    let found = found.into_iter().collect::<Result<Vec<Subject>, _>>()?;
+    let found = views.into_iter().zip(found);
+    let (level, elevated): (Vec<_>, Vec<_>) =
+        found.partition(|(view, _)| view.viewpoint().is_level());
+    let (mut views, mut subjects): (Vec<DecodedView<'_>>, Vec<Subject>) = level.into_iter().unzip();
     let mut alignment = aligned(&views, &subjects);
     let mut suggestions = suggestions(&views, &subjects, &alignment);
     if options.sheet.repair == Repair::Apply
@@ -107,17 +113,21 @@ pub(super) fn prepare(
     }
     observer.check()?;
     let mut warnings: Vec<String> = Vec::new();
-    for (view, subject) in views.iter().zip(&subjects) {
-        let of_view = |text: &dyn std::fmt::Display| format!("view {}: {text}", view.azimuth);
+    let all = views.iter().zip(&subjects);
+    for (view, subject) in all.chain(elevated.iter().map(|(view, subject)| (view, subject))) {
+        let of_view = |text: &dyn std::fmt::Display| format!("view {}: {text}", view.viewpoint());
         warnings.extend(subject.warnings.iter().map(|warning| of_view(warning)));
     }
     warnings.extend(suggestions.iter().map(|suggestion| {
         let done = if suggestion.applied { "; it is used so" } else { "; check angle and drawing" };
         format!("{}{done}", suggestion.text)
     }));
-    let moves = needs_canvas(&alignment);
+    let moved = needs_canvas(&alignment);
+    let size = (alignment.canvas.width, alignment.canvas.height);
+    let places = elevated::places(&mut alignment, (&views, &subjects), &elevated);
+    let moves = moved || size != (alignment.canvas.width, alignment.canvas.height);
     let laid = if moves { apply(&alignment, &paired(&views, &subjects)) } else { Vec::new() };
-    let mut doubts = if suggestions.iter().all(|suggestion| suggestion.applied) {
+    let doubts = if suggestions.iter().all(|suggestion| suggestion.applied) {
         doubts(&views, &subjects, &alignment, moves.then_some(&laid))
     } else {
         vec![None; views.len()]
@@ -127,21 +137,32 @@ pub(super) fn prepare(
     let mut sheet = Vec::with_capacity(views.len());
     let mut cut_outs = Vec::with_capacity(views.len());
     let mut laid = laid.into_iter();
-    for ((view, subject), doubt) in views.into_iter().zip(subjects).zip(doubts.drain(..)) {
+    for ((view, subject), doubt) in views.into_iter().zip(subjects).zip(doubts) {
         let by_hand = is_by_hand(view.document) || view.mask.is_some();
         let as_drawn =
             !moves && !by_hand && doubt.is_none() && is_clean(&subject) && is_opaque(&view.drawing);
         drawings.push(report(&view, &subject, as_drawn, by_hand));
-        let azimuth = view.azimuth;
+        let viewpoint = view.viewpoint();
         let (mut view, cut_out) = view_of(view, subject, laid.next(), as_drawn);
         if let (Some(doubt), Some(mask)) = (&doubt, &mut view.mask) {
             // What the others show there is not cut off.
             let pixels = mask.iter_mut().zip(doubt.as_raw());
             pixels.filter(|(_, trust)| **trust == 0).for_each(|(level, _)| *level = 255);
-            warnings.push(lacking(azimuth, doubt));
+            warnings.push(lacking(viewpoint, doubt));
         }
-        trust.extend(doubt.map(|doubt| (azimuth, doubt)));
-        cut_outs.push((azimuth, cut_out));
+        trust.extend(doubt.map(|doubt| (viewpoint, doubt)));
+        cut_outs.push((viewpoint, cut_out));
+        sheet.push(view);
+    }
+    for ((view, subject), place) in elevated.into_iter().zip(places) {
+        let (stays, by_hand) = (place == Transform::IDENTITY, is_by_hand(view.document));
+        let by_hand = by_hand || view.mask.is_some();
+        let as_drawn = stays && !by_hand && is_clean(&subject) && is_opaque(&view.drawing);
+        drawings.push(report(&view, &subject, as_drawn, by_hand));
+        let laid = if stays { None } else { elevated::laid(&alignment, place, &view, &subject) };
+        let viewpoint = view.viewpoint();
+        let (view, cut_out) = view_of(view, subject, laid, as_drawn);
+        cut_outs.push((viewpoint, cut_out));
         sheet.push(view);
     }
     let alignment = moves.then_some(alignment);
@@ -157,8 +178,7 @@ fn doubts(
     alignment: &Alignment,
     laid: Option<&Vec<Aligned>>,
 ) -> Vec<Option<GrayImage>> {
-    let elevated = views.iter().any(|view| view.elevation_deg != 0.0);
-    if elevated || views.len() < 3 {
+    if views.len() < 3 {
         return vec![None; views.len()];
     }
     let masks: Vec<&GrayImage> = match laid {
@@ -177,14 +197,14 @@ fn doubts(
     found.into_iter().zip(&masks).zip(subjects).map(of_view).collect()
 }
 
-fn lacking(azimuth: Azimuth, doubt: &GrayImage) -> String {
+fn lacking(view: Viewpoint, doubt: &GrayImage) -> String {
     let places = doubt.enumerate_pixels().filter(|(.., level)| level.0[0] == 0);
     let bounds = places.fold((u32::MAX, 0, u32::MAX, 0), |b, (x, y, _)| {
         (b.0.min(x), b.1.max(x), b.2.min(y), b.3.max(y))
     });
     let (left, right, top, bottom) = bounds;
     format!(
-        "view {azimuth}: nothing is drawn where the other views show the subject, at columns \
+        "view {view}: nothing is drawn where the other views show the subject, at columns \
          {left} to {right}, rows {top} to {bottom}; the draft is not cut off there"
     )
 }
@@ -218,7 +238,7 @@ fn find_in(
                 FailureCode::InvalidSheet
             }
         };
-        let detail = format!("view {}: {error}; {}", view.azimuth, code.remedy());
+        let detail = format!("view {}: {error}; {}", view.viewpoint(), code.remedy());
         DraftError::input(code, detail)
     })
 }
@@ -354,6 +374,7 @@ fn report(
 ) -> DrawingReport {
     DrawingReport {
         azimuth_deg: view.azimuth.degrees(),
+        elevation_deg: view.elevation.degrees(),
         kind: subject.kind,
         polarity: subject.polarity,
         paper: subject.paper,
@@ -375,8 +396,9 @@ fn view_of(
     aligned: Option<Aligned>,
     as_drawn: bool,
 ) -> (View, RgbaImage) {
-    let (azimuth, elevation_deg) = (view.azimuth, view.elevation_deg);
-    let mask_was_found = !matches!(subject.kind, DrawingKind::Given | DrawingKind::CutOut);
+    let (azimuth, elevation) = (view.azimuth, view.elevation);
+    let given = matches!(subject.kind, DrawingKind::Given | DrawingKind::CutOut);
+    let mask_was_found = !given || view.document.mask_with_outline;
     let (image, mask, color, cut_out): (GrayImage, GrayImage, _, _) = match aligned {
         Some(Aligned { mask, ink, colour }) => (ink, mask, color_of(&colour), colour),
         None => (subject.ink, subject.mask, color_of(&view.drawing), subject.colour),
@@ -386,7 +408,7 @@ fn view_of(
     } else {
         View { mask_was_found, ..View::level(azimuth, image, Some(mask)) }
     };
-    (View { elevation_deg, color, ..level }, cut_out)
+    (View { elevation, color, ..level }, cut_out)
 }
 
 /// A drawing's colours on white paper; `None` if it is grey.
@@ -404,6 +426,7 @@ fn color_of(drawing: &RgbaImage) -> Option<RgbImage> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use frames::Elevation;
     use image::Rgba;
     use progress::Silent;
 
@@ -420,8 +443,8 @@ mod tests {
             ..ViewDocument::default()
         };
         let azimuth = Azimuth::from_degrees(0.0).unwrap();
-        let view =
-            DecodedView { document: &document, azimuth, elevation_deg: 0.0, drawing, mask: None };
+        let elevation = Elevation::LEVEL;
+        let view = DecodedView { document: &document, azimuth, elevation, drawing, mask: None };
         let mask = find_in(&view, &Options::default(), &Silent).unwrap().mask;
         let columns = |columns: std::ops::Range<u32>| {
             columns.filter(|x| mask.get_pixel(*x, 50).0[0] != 0).count()

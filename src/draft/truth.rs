@@ -10,7 +10,7 @@ use evaluation::{
     ComparisonOptions, ModelReport, RawTruth, TruthReport, ViewComparison, ViewTruth,
     ViewTruthReport, compare_model, decode_truth, has_values,
 };
-use frames::Azimuth;
+use frames::{Azimuth, Elevation, Viewpoint};
 use mesh::Mesh;
 use mesh::read::{self, ModelFormat};
 use picture::ImageLimits;
@@ -24,14 +24,14 @@ pub(super) struct Truths<'a> {
     read: ReadImage<'a>,
     limits: &'a ImageLimits,
     options: ComparisonOptions,
-    /// By rising azimuth.
+    /// By rising azimuth and elevation.
     views: Vec<NamedTruth<'a>>,
     model: Option<(Mesh, f64)>,
 }
 
 #[derive(Clone, Copy)]
 struct NamedTruth<'a> {
-    azimuth: Azimuth,
+    viewpoint: Viewpoint,
     kind: TruthKind,
     name: &'a str,
 }
@@ -83,13 +83,13 @@ impl<'a> Truths<'a> {
         };
         let size = raw.values.dimensions();
         let views = sheet.map_or(&[][..], Sheet::views);
-        let drawing = views.iter().find(|drawn| drawn.azimuth == view.azimuth);
+        let drawing = views.iter().find(|drawn| drawn.viewpoint() == view.viewpoint);
         if let Some(expected) = drawing.map(|drawn| drawn.image.dimensions())
             && size != expected
         {
             return refuse(format!(
                 "is {}x{}, the drawing of view {} {}x{}; make them the same size",
-                size.0, size.1, view.azimuth, expected.0, expected.1
+                size.0, size.1, view.viewpoint, expected.0, expected.1
             ));
         }
         if !has_values(&truth) {
@@ -108,11 +108,11 @@ impl<'a> Truths<'a> {
 
     /// Holds a reconstruction against the truth.
     ///
-    /// * `compare`: measures the view at an azimuth against its truth.
+    /// * `compare`: measures the view from a viewpoint against its truth.
     /// * `mesh`: turntable frame, px; or why there is none.
     pub(super) fn evaluate(
         &self,
-        compare: &(dyn Fn(Azimuth, &ViewTruth) -> Result<ViewComparison, DraftError> + Sync),
+        compare: &(dyn Fn(Viewpoint, &ViewTruth) -> Result<ViewComparison, DraftError> + Sync),
         mesh: Result<&Mesh, String>,
         pool: &ThreadPool,
         observer: &dyn Observer,
@@ -121,10 +121,11 @@ impl<'a> Truths<'a> {
             observer.check()?;
             let (raw, truth) = self.decode(view)?;
             Ok(ViewTruthReport {
-                azimuth_deg: view.azimuth.degrees(),
+                azimuth_deg: view.viewpoint.azimuth.degrees(),
+                elevation_deg: view.viewpoint.elevation.degrees(),
                 kind: view.kind,
                 encoding: raw.encoding,
-                comparison: compare(view.azimuth, &truth)?,
+                comparison: compare(view.viewpoint, &truth)?,
             })
         };
         let views: Vec<Result<_, DraftError>> =
@@ -145,13 +146,18 @@ fn named_truths(document: &SheetDocument) -> Result<Vec<NamedTruth<'_>>, DraftEr
         let Some((kind, name)) = view.truth() else { continue };
         let azimuth = Azimuth::from_degrees(view.azimuth_deg)
             .map_err(|error| DraftError::input(FailureCode::InvalidAzimuth, error))?;
+        let elevation_deg = view.elevation_deg.unwrap_or(document.elevation_deg);
+        let elevation = Elevation::from_degrees(elevation_deg)
+            .map_err(|error| DraftError::input(FailureCode::InvalidAzimuth, error))?;
+        let viewpoint = Viewpoint { azimuth, elevation };
         if view.depth.is_some() && view.disparity.is_some() {
-            let detail = format!("view {azimuth} has a true depth and a true disparity; name one");
+            let detail =
+                format!("view {viewpoint} has a true depth and a true disparity; name one");
             return Err(DraftError::input(FailureCode::InvalidTruth, detail));
         }
-        views.push(NamedTruth { azimuth, kind, name });
+        views.push(NamedTruth { viewpoint, kind, name });
     }
-    views.sort_by_key(|view| view.azimuth);
+    views.sort_by_key(|view| view.viewpoint);
     Ok(views)
 }
 
@@ -226,7 +232,7 @@ mod tests {
     fn drawn(model: &str, azimuths: &[f64], options: Value) -> (SheetDocument, Files) {
         let model = ProceduralModel::from_name(model).unwrap().build();
         let azimuths: Vec<_> =
-            azimuths.iter().map(|&a| Azimuth::from_degrees(a).unwrap()).collect();
+            azimuths.iter().map(|&a| Azimuth::from_degrees(a).unwrap().into()).collect();
         let small = DrawOptions { width_px: 192, height_px: 108, ..DrawOptions::default() };
         let prepared = PreparedModel::new(&model).unwrap();
         let mut files = Files::new();

@@ -5,7 +5,7 @@ use evaluation::{
     TruthReport, ViewComparison, ViewTruth, compare_silhouettes, disparity_from_depth,
     evaluate_view, true_mask,
 };
-use frames::{Azimuth, Placement, UpAxis};
+use frames::{Placement, UpAxis, Viewpoint};
 use picture::png;
 use progress::Observer;
 use rayon::ThreadPool;
@@ -13,6 +13,7 @@ use turntable::export::{Frames, model_files, view_files};
 use turntable::fit::{ViewFit, redraw};
 use turntable::{Draft, metrics};
 
+use super::cleaned::cleaned;
 use super::exporter::Exporter;
 use super::report::{MetricsDocument, SheetReport};
 use super::subjects::Preparation;
@@ -45,16 +46,18 @@ pub(super) fn run(run: &Run<'_>, delivery: Delivery<'_>) -> Result<Summary, Draf
         axes.ok_or_else(|| DraftError::internal("options that conflict"))
     };
     let frames = Frames { obj: axes(UpAxis::Y)?, print: axes(UpAxis::Z)? };
-    let units = draft.depths.len() + UNITS_AFTER_VIEWS;
+    let all_views = draft.all_views();
+    let units = all_views.len() + UNITS_AFTER_VIEWS;
     let mut exporter = Exporter::new(units, pool, &exporting, delivery);
-    let views: Vec<usize> = (0..draft.depths.len()).collect();
-    exporter.each(&views, |&index| {
-        let mut files = view_files(&draft, &redrawn[index], index)?;
-        let azimuth = draft.depths[index].azimuth;
-        files.artifacts.extend(cut_out(preparation, azimuth)?);
-        files.artifacts.extend(trust_map(preparation, azimuth)?);
+    let views: Vec<_> = all_views.iter().zip(&redrawn).collect();
+    exporter.each(&views, |(view, redrawn)| {
+        let mut files = view_files(view, redrawn)?;
+        files.artifacts.extend(cut_out(preparation, view.viewpoint())?);
+        files.artifacts.extend(trust_map(preparation, view.viewpoint())?);
         Ok(files)
     })?;
+    let cleaned = Files { artifacts: cleaned(&draft, document, options)?, ..Files::default() };
+    exporter.take(cleaned)?;
     exporter.take(model_files(&draft, &placement, &frames, own.reference_planes)?)?;
     exporter.unit_done("mesh")?;
     for name in [ArtifactName::Cloud, ArtifactName::Hull] {
@@ -89,6 +92,7 @@ pub(super) fn run(run: &Run<'_>, delivery: Delivery<'_>) -> Result<Summary, Draf
 fn summary_of(fit: &ViewFit) -> FitSummary {
     FitSummary {
         azimuth_deg: fit.azimuth_deg,
+        elevation_deg: fit.elevation_deg,
         silhouette_iou: fit.silhouette_iou,
         outline_distance_px: fit.outline_distance_px,
         ink_explained: fit.ink_explained,
@@ -98,24 +102,24 @@ fn summary_of(fit: &ViewFit) -> FitSummary {
 /// The subject cut out of its drawing, in colour.
 fn cut_out(
     preparation: Option<&Preparation>,
-    azimuth: Azimuth,
+    view: Viewpoint,
 ) -> Result<Option<Artifact>, DraftError> {
     let pictures = preparation.map_or(&[][..], |done| &done.cut_outs);
-    let Some((_, picture)) = pictures.iter().find(|(own, _)| *own == azimuth) else {
+    let Some((_, picture)) = pictures.iter().find(|(own, _)| *own == view) else {
         return Ok(None);
     };
-    let name = ArtifactName::View(azimuth, ViewArtifact::SubjectPng);
+    let name = ArtifactName::View(view, ViewArtifact::SubjectPng);
     Ok(Some(Artifact::new(name, png(picture)?)))
 }
 
 /// Where a view lacks what the others show.
 fn trust_map(
     preparation: Option<&Preparation>,
-    azimuth: Azimuth,
+    view: Viewpoint,
 ) -> Result<Option<Artifact>, DraftError> {
     let maps = preparation.map_or(&[][..], |done| &done.trust);
-    let Some((_, map)) = maps.iter().find(|(own, _)| *own == azimuth) else { return Ok(None) };
-    Ok(Some(Artifact::new(ArtifactName::View(azimuth, ViewArtifact::TrustPng), png(map)?)))
+    let Some((_, map)) = maps.iter().find(|(own, _)| *own == view) else { return Ok(None) };
+    Ok(Some(Artifact::new(ArtifactName::View(view, ViewArtifact::TrustPng), png(map)?)))
 }
 
 /// Holds the maps and the solid against what is known to be true.
@@ -126,26 +130,26 @@ fn against_truth(
     observer: &dyn Observer,
 ) -> Result<Option<TruthReport>, DraftError> {
     let Some(truths) = truths else { return Ok(None) };
-    let compare = |azimuth, truth: &ViewTruth| compare_view(draft, azimuth, truth);
+    let compare = |view, truth: &ViewTruth| compare_view(draft, view, truth);
     truths.evaluate(&compare, Ok(&draft.solid.mesh), pool, observer).map(Some)
 }
 
 fn compare_view(
     draft: &Draft<'_>,
-    azimuth: Azimuth,
+    viewpoint: Viewpoint,
     truth: &ViewTruth,
 ) -> Result<ViewComparison, DraftError> {
-    let views = draft.depths.iter().zip(&draft.silhouettes.silhouettes);
-    let Some((view, silhouette)) = views.into_iter().find(|(view, _)| view.azimuth == azimuth)
-    else {
+    let mut views = draft.all_views().into_iter();
+    let Some(view) = views.find(|view| view.viewpoint() == viewpoint) else {
         return Ok(ViewComparison::default());
     };
+    let silhouette = view.silhouette;
     // A sheet laid on a canvas of its own cannot be compared pixel by pixel.
     let truly = true_mask(truth);
     if truly.dimensions() != silhouette.mask().dimensions() {
         return Ok(ViewComparison::default());
     }
-    let depth = evaluate_view(&disparity_from_depth(&view.map.depth_px), truth)
+    let depth = evaluate_view(&disparity_from_depth(&view.depth.map.depth_px), truth)
         .map_err(DraftError::internal)?;
     let silhouette =
         compare_silhouettes(silhouette.mask(), &truly).map_err(DraftError::internal)?;

@@ -12,6 +12,7 @@ use super::tests::{
 use super::*;
 use artifacts::Artifact;
 use progress::Silent;
+use sheet::ViewDocument;
 
 const SIDE: u32 = 128;
 /// Half extents of the box that the tests draw, px.
@@ -199,6 +200,11 @@ fn every_artifact_is_there_and_readable() {
     let whole = [
         "bundle.zip",
         "metrics.json",
+        "sheet/page.png",
+        "sheet/sheet.json",
+        "sheet/view_000.png",
+        "sheet/view_045.png",
+        "sheet/view_090.png",
         "solid.glb",
         "solid.obj",
         "solid.stl",
@@ -285,7 +291,7 @@ fn unsuitable_views_are_refused_with_a_remedy() {
 
     let (mut document, files) = boxes(&[0.0, 90.0]);
     document.views[1].elevation_deg = Some(30.0);
-    assert_eq!(input_error(&document, &files).0, "elevation_unsupported");
+    assert_eq!(input_error(&document, &files).0, "too_few_views");
 
     let (mut document, mut files) = boxes(&[0.0, 90.0]);
     files.insert("90.png".to_owned(), png(&GrayImage::new(SIDE, SIDE / 2)));
@@ -326,5 +332,109 @@ fn views_in_frames_of_their_own_are_laid_on_one_canvas() {
     assert!((height(&artifacts) / height(&as_drawn) - 1.0).abs() < 0.05);
     for fit in metrics["fit"].as_array().unwrap() {
         assert!(fit["silhouette_iou"].as_f64().unwrap() > 0.95, "{fit}");
+    }
+}
+
+/// The outline of a rectangle with paper around it.
+fn rectangle(width: u32, height: u32, margin: u32) -> GrayImage {
+    let within =
+        |at: u32, size: u32, inset: u32| (margin + inset..margin + size - inset).contains(&at);
+    GrayImage::from_fn(width + 2 * margin, height + 2 * margin, |x, y| {
+        let inside = |inset: u32| within(x, width, inset) && within(y, height, inset);
+        Luma([if inside(0) && !inside(2) { 0 } else { 255 }])
+    })
+}
+
+#[test]
+fn a_top_view_in_a_frame_of_its_own_is_laid_beside_the_others() {
+    let (mut document, mut files) = boxes(&[0.0, 90.0]);
+    // Twice as large as the others, on a page of its own.
+    files.insert("top.png".to_owned(), png(&rectangle(4 * 26 + 2, 4 * 16 + 2, 9)));
+    document.views.push(ViewDocument {
+        image: "top.png".to_owned(),
+        azimuth_deg: 0.0,
+        elevation_deg: Some(90.0),
+        ..ViewDocument::default()
+    });
+    let (summary, artifacts) = run(&document, &files, 2, &Silent).unwrap();
+    let doubted = |text: &String| text.contains("0_e90");
+    assert!(!summary.warnings.iter().any(doubted), "{:?}", summary.warnings);
+    let metrics = metrics(&artifacts);
+    let fit = &metrics["fit"][2];
+    assert_eq!(fit["elevation_deg"], json!(90.0));
+    assert!(fit["silhouette_iou"].as_f64().unwrap() > 0.95, "{fit}");
+    assert_eq!(metrics["solid"]["cuts"][0]["used"], json!(true));
+    for name in ["views/0_e90/subject.png", "views/0_e90/depth.pfm", "sheet/view_000_e90.png"] {
+        bytes_of(&artifacts, name);
+    }
+}
+
+#[test]
+fn the_canvas_grows_for_what_is_long_and_low() {
+    let (mut document, files) = turntable([
+        (0.0, rectangle(40, 24, 12)),
+        (90.0, rectangle(150, 24, 12)),
+        (1.0, rectangle(40, 150, 12)),
+    ]);
+    let top = document.views.iter_mut().find(|view| view.azimuth_deg == 1.0).unwrap();
+    (top.azimuth_deg, top.elevation_deg) = (0.0, Some(90.0));
+    let (_, artifacts) = run(&document, &files, 2, &Silent).unwrap();
+    let metrics = metrics(&artifacts);
+    assert!(metrics["height_px"].as_u64().unwrap() >= 150, "{}", metrics["height_px"]);
+    for fit in metrics["fit"].as_array().unwrap() {
+        assert!(fit["silhouette_iou"].as_f64().unwrap() > 0.93, "{fit}");
+    }
+}
+
+/// A drawing moved to the right and down.
+fn moved(drawing: &GrayImage, right: u32, down: u32) -> GrayImage {
+    GrayImage::from_fn(drawing.width(), drawing.height(), |x, y| {
+        let from = x.checked_sub(right).zip(y.checked_sub(down));
+        from.map_or(Luma([255]), |(x, y)| *drawing.get_pixel(x, y))
+    })
+}
+
+#[test]
+fn the_cleaned_sheet_sent_again_gives_the_same_draft() {
+    let shaded = |azimuth: f64| {
+        // Grey within, on paper that is not white.
+        let mut image = drawing(azimuth);
+        let (width, height) = image.dimensions();
+        let paper = image.pixels().map(|level| level.0[0] > 200).collect();
+        let outside = picture::flooded(
+            width as usize,
+            paper,
+            picture::border(width as usize, height as usize),
+        );
+        for (level, outside) in image.pixels_mut().zip(outside) {
+            level.0[0] = if outside { 225 } else { level.0[0].min(150) };
+        }
+        image
+    };
+    let sheets = [
+        turntable([0.0, 45.0, 90.0].map(|azimuth| (azimuth, drawing(azimuth)))),
+        turntable([0.0, 45.0, 90.0].map(|azimuth| (azimuth, shaded(azimuth)))),
+        // Registered by a few pixels.
+        turntable([
+            (0.0, drawing(0.0)),
+            (45.0, moved(&drawing(45.0), 0, 3)),
+            (90.0, drawing(90.0)),
+        ]),
+    ];
+    for (index, (document, files)) in sheets.iter().enumerate() {
+        let (_, first) = run(document, files, 2, &Silent).unwrap();
+        let cleaned: SheetDocument =
+            serde_json::from_slice(bytes_of(&first, "sheet/sheet.json")).unwrap();
+        let named = |artifact: &Artifact| {
+            let name = artifact.name.strip_prefix("sheet/")?;
+            Some((name.to_owned(), artifact.bytes.to_vec()))
+        };
+        let files: Files = first.iter().filter_map(named).collect();
+        let (_, again) = run(&cleaned, &files, 2, &Silent).unwrap();
+        for name in ["solid.glb", "solid.stl", "sheet/page.png", "sheet/sheet.json"] {
+            assert!(bytes_of(&first, name) == bytes_of(&again, name), "{name} of sheet {index}");
+        }
+        let page = image::load_from_memory(bytes_of(&first, "sheet/page.png")).unwrap();
+        assert!(page.width() > 3 * page.height() / 2, "three views side by side");
     }
 }

@@ -5,7 +5,7 @@ use evaluation::{
     TruthReport, ViewComparison, ViewTruth, disparity_from_depth, disparity_from_pairs,
     evaluate_view,
 };
-use frames::{Azimuth, Placement};
+use frames::{Azimuth, Placement, Viewpoint};
 use mesh::thumbnail;
 use mesh::write::cloud_ply;
 use progress::Observer;
@@ -172,7 +172,8 @@ fn against_truth(
     observer: &dyn Observer,
 ) -> Result<Option<TruthReport>, DraftError> {
     let Some(truths) = truths else { return Ok(None) };
-    let compare = |azimuth, truth: &ViewTruth| compare_view(reconstruction, azimuth, truth);
+    let compare =
+        |view: Viewpoint, truth: &ViewTruth| compare_view(reconstruction, view.azimuth, truth);
     let hull = reconstruction.hull.as_ref().map_err(|error| format!("no hull: {error}"));
     truths.evaluate(&compare, hull, pool, observer).map(Some)
 }

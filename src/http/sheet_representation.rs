@@ -17,6 +17,7 @@ use jobs::Job;
     "id": "01936a5e-9f63-7d41-8f0c-2b1f5f0a7c55",
     "model": {"file": "bunny.obj", "format": "obj"},
     "azimuths_deg": [0.0, 45.0, 90.0],
+    "elevations_deg": [0.0, 0.0, 0.0],
     "options": {"width_px": 960, "height_px": 540, "scale": 7.3, "line_width_px": 2.0},
     "state": "running",
     "attempt": 1,
@@ -47,8 +48,10 @@ pub(super) struct Sheet {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
     pub model: SheetModel,
-    /// The views, degrees in [0, 360), rising.
+    /// The views' azimuths, degrees in [0, 360), rising.
     pub azimuths_deg: Vec<f64>,
+    /// Their elevations, in the same order, degrees from -90 to 90.
+    pub elevations_deg: Vec<f64>,
     /// Every option with the value used.
     #[schema(schema_with = sheet_options_reference)]
     pub options: Value,
@@ -116,12 +119,14 @@ impl From<&Job> for Sheet {
         // A payload that an older version stored may not read; its job is
         // still listed.
         let payload = DrawPayload::deserialize(&job.payload).ok();
+        let viewpoints = payload.as_ref().and_then(DrawPayload::viewpoints).unwrap_or_default();
         let options = payload.as_ref().and_then(|p| serde_json::to_value(&p.options).ok());
         Self {
             id: job.id.0,
             name: job.tags.name.clone(),
             model: payload.as_ref().map(|p| SheetModel::from(&p.model)).unwrap_or_default(),
-            azimuths_deg: payload.map(|p| p.azimuths_deg).unwrap_or_default(),
+            azimuths_deg: viewpoints.iter().map(|view| view.azimuth.degrees()).collect(),
+            elevations_deg: viewpoints.iter().map(|view| view.elevation.degrees()).collect(),
             options: options.unwrap_or_default(),
             status: JobStatus::from(job),
             links: SheetLinks::of(job),

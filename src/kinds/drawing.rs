@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use drawing::DrawOptions;
-use frames::UpAxis;
+use frames::{Azimuth, Elevation, UpAxis, Viewpoint};
 use mesh::builtin::ProceduralModel;
 use mesh::read::{self, Limits, Model, ModelError, ModelFormat};
 
@@ -17,10 +17,40 @@ pub const DRAWING: &str = "drawing";
 pub struct DrawPayload {
     /// What to draw.
     pub model: ModelSource,
-    /// Ascending, each once.
+    /// Of each view.
     pub azimuths_deg: Vec<f64>,
+    /// Of each view; empty where all are at the options' elevation.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub elevations_deg: Vec<f64>,
     /// How to draw it.
     pub options: DrawOptions,
+}
+
+impl DrawPayload {
+    /// * `viewpoints`: ascending, each once.
+    pub fn new(model: ModelSource, viewpoints: &[Viewpoint], options: DrawOptions) -> Self {
+        let usual = viewpoints.iter().all(|view| view.elevation == options.elevation());
+        let elevations = viewpoints.iter().map(|view| view.elevation.degrees());
+        Self {
+            model,
+            azimuths_deg: viewpoints.iter().map(|view| view.azimuth.degrees()).collect(),
+            elevations_deg: if usual { Vec::new() } else { elevations.collect() },
+            options,
+        }
+    }
+
+    /// The views to draw; `None` if an angle is none.
+    pub fn viewpoints(&self) -> Option<Vec<Viewpoint>> {
+        let elevation = |index: usize| match self.elevations_deg.get(index) {
+            Some(&degrees) => Elevation::from_degrees(degrees).ok(),
+            None => Some(self.options.elevation()),
+        };
+        let viewpoint = |(index, &degrees): (usize, &f64)| {
+            let azimuth = Azimuth::from_degrees(degrees).ok()?;
+            Some(Viewpoint { azimuth, elevation: elevation(index)? })
+        };
+        self.azimuths_deg.iter().enumerate().map(viewpoint).collect()
+    }
 }
 
 /// Where a drawing's model comes from.

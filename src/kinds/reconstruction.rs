@@ -35,7 +35,8 @@ pub struct ReconstructionPayload {
 /// What a draft came to.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct ReconstructionSummary {
-    /// How well the draft, drawn again, matches each drawing, by rising azimuth;
+    /// How well the draft, drawn again, matches each drawing, level
+    /// ones by rising azimuth, then those from above and below;
     /// empty for a method that makes no solid.
     pub fit: Vec<FitSummary>,
     /// What a person should look at, in sentences.
@@ -48,6 +49,10 @@ pub struct FitSummary {
     /// Degrees in [0, 360).
     #[schema(minimum = 0, exclusive_maximum = 360)]
     pub azimuth_deg: f64,
+    /// Degrees from -90 to 90; 0 for a level view.
+    #[serde(default)]
+    #[schema(minimum = -90, maximum = 90)]
+    pub elevation_deg: f64,
     /// Intersection over union of the draft's silhouette with the drawing's.
     #[schema(minimum = 0, maximum = 1)]
     pub silhouette_iou: f64,

@@ -5,7 +5,7 @@ use std::io::{self, Write};
 
 use artifacts::{Artifact, ArtifactName, ArtifactSink, ArtifactWriter};
 use drawing::{DrawError, DrawOptions, PreparedModel, SheetLimits, draw_sheet};
-use frames::AzimuthList;
+use frames::{Elevation, ViewpointList};
 use mesh::builtin::ProceduralModel;
 use progress::Silent;
 use reqwest::multipart::Form;
@@ -52,7 +52,8 @@ impl ArtifactWriter for Nowhere {
 
 fn metrics(azimuths: &str, options: Value) -> Value {
     let model = PreparedModel::new(&ProceduralModel::Dude.build()).unwrap();
-    let azimuths: AzimuthList = azimuths.parse().unwrap();
+    let views: ViewpointList = azimuths.parse().unwrap();
+    let views = views.at(Elevation::LEVEL);
     let small = DrawOptions { width_px: 240, height_px: 135, ..DrawOptions::default() };
     let mut drawn = Files::default();
     let mut keep = |file: Artifact| -> Result<(), DrawError> {
@@ -60,7 +61,7 @@ fn metrics(azimuths: &str, options: Value) -> Value {
         Ok(())
     };
     let limits = SheetLimits::default();
-    draw_sheet(&model, &azimuths.0, &small, &limits, &Silent, &mut keep).unwrap();
+    draw_sheet(&model, &views, &small, &limits, &Silent, &mut keep).unwrap();
     let mut document: SheetDocument = serde_json::from_slice(&drawn.0["sheet.json"]).unwrap();
     document.options = Some(options);
     let read = |name: &str| Ok(drawn.0[name].clone());

@@ -4,7 +4,7 @@ use std::{fmt, io};
 
 use bytes::Bytes;
 
-use frames::Azimuth;
+use frames::{Azimuth, Viewpoint};
 
 /// The media type of float maps; none is registered, this is the usual one.
 pub const PFM_MEDIA_TYPE: &str = "image/x-portable-floatmap";
@@ -43,11 +43,38 @@ pub enum PairArtifact {
     RectifiedPng,
 }
 
+/// Which file of the cleaned sheet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CleanArtifact {
+    /// All views side by side, on one ground line, with their angles.
+    Page,
+    /// The sheet document that gives the same draft again.
+    Document,
+    /// A view's lines.
+    View(Viewpoint),
+    /// A view's mask, if it has one.
+    Mask(Viewpoint),
+}
+
+impl CleanArtifact {
+    /// Its name within the cleaned sheet's folder, as the document has it.
+    pub fn file_name(self) -> String {
+        match self {
+            Self::Page => "page.png".to_owned(),
+            Self::Document => "sheet.json".to_owned(),
+            Self::View(view) => format!("view_{}.png", view.padded()),
+            Self::Mask(view) => format!("mask_{}.png", view.padded()),
+        }
+    }
+}
+
 /// The name of everything a reconstruction can leave behind.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ArtifactName {
-    /// A file of the view at this azimuth.
-    View(Azimuth, ViewArtifact),
+    /// A file of the view from here.
+    View(Viewpoint, ViewArtifact),
+    /// A file of the cleaned sheet.
+    Clean(CleanArtifact),
     /// A file of two neighbouring views, the left one first.
     Pair(Azimuth, Azimuth, PairArtifact),
     /// The merged point cloud of the method `uncalibrated`, PLY.
@@ -90,11 +117,13 @@ impl ArtifactName {
                 | FitPng,
             )
             | Self::Pair(_, _, PairArtifact::MatchesPng | PairArtifact::RectifiedPng)
+            | Self::Clean(CleanArtifact::Page | CleanArtifact::View(_) | CleanArtifact::Mask(_))
             | Self::Thumbnail => "image/png",
             Self::View(_, DisparityPfm | DepthPfm) => PFM_MEDIA_TYPE,
-            Self::Pair(_, _, PairArtifact::MatchesJson) | Self::Metrics | Self::Timings => {
-                "application/json"
-            }
+            Self::Pair(_, _, PairArtifact::MatchesJson)
+            | Self::Clean(CleanArtifact::Document)
+            | Self::Metrics
+            | Self::Timings => "application/json",
             Self::Cloud => "model/ply",
             Self::Hull | Self::Solid | Self::Textured | Self::Relief => "model/gltf-binary",
             Self::SolidObj => "model/obj",
@@ -105,11 +134,12 @@ impl ArtifactName {
     }
 }
 
-/// The path below the job's artifacts, such as `views/45/disparity.png`.
+/// The path below the job's artifacts, such as `views/45/disparity.png` or
+/// `views/0_e90/fit.png`.
 impl fmt::Display for ArtifactName {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::View(azimuth, artifact) => {
+            Self::View(view, artifact) => {
                 let file = match artifact {
                     ViewArtifact::DisparityPng => "disparity.png",
                     ViewArtifact::DisparityPfm => "disparity.pfm",
@@ -121,7 +151,7 @@ impl fmt::Display for ArtifactName {
                     ViewArtifact::TrustPng => "trust.png",
                     ViewArtifact::FitPng => "fit.png",
                 };
-                write!(f, "views/{azimuth}/{file}")
+                write!(f, "views/{view}/{file}")
             }
             Self::Pair(left, right, artifact) => {
                 let file = match artifact {
@@ -131,6 +161,7 @@ impl fmt::Display for ArtifactName {
                 };
                 write!(f, "pairs/{left}-{right}/{file}")
             }
+            Self::Clean(artifact) => write!(f, "sheet/{}", artifact.file_name()),
             Self::Cloud => f.write_str("cloud.ply"),
             Self::Hull => f.write_str("hull.glb"),
             Self::Solid => f.write_str("solid.glb"),
@@ -187,8 +218,14 @@ mod tests {
     #[test]
     fn names_are_those_users_know() {
         let azimuth = |degrees| Azimuth::from_degrees(degrees).unwrap();
-        let name = ArtifactName::View(azimuth(22.5), ViewArtifact::DepthPfm);
+        let name = ArtifactName::View(azimuth(22.5).into(), ViewArtifact::DepthPfm);
         assert_eq!(name.to_string(), "views/22.5/depth.pfm");
+        let elevation = frames::Elevation::from_degrees(90.0).unwrap();
+        let top = Viewpoint { azimuth: azimuth(0.0), elevation };
+        let name = ArtifactName::View(top, ViewArtifact::FitPng);
+        assert_eq!(name.to_string(), "views/0_e90/fit.png");
+        let name = ArtifactName::Clean(CleanArtifact::View(top));
+        assert_eq!(name.to_string(), "sheet/view_000_e90.png");
         let name = ArtifactName::Pair(azimuth(315.0), azimuth(0.0), PairArtifact::MatchesJson);
         assert_eq!(name.to_string(), "pairs/315-0/matches.json");
         assert_eq!(name.media_type(), "application/json");

@@ -1,6 +1,6 @@
 //! Files that are made together, and what could have been made and was not.
 
-use frames::Azimuth;
+use frames::Viewpoint;
 use picture::{DepthEncoding, EncodeError, FloatImage, depth_png, disparity_png, encode_pfm};
 use serde::Serialize;
 
@@ -53,11 +53,11 @@ impl Files {
     /// # Errors
     /// [`EncodeError`] for a picture that cannot be written.
     pub fn of_maps(
-        azimuth: Azimuth,
+        view: Viewpoint,
         disparity_px: &FloatImage,
         depth_px: &FloatImage,
     ) -> Result<Self, EncodeError> {
-        let name = |artifact| ArtifactName::View(azimuth, artifact);
+        let name = |artifact| ArtifactName::View(view, artifact);
         let (depth_picture, encoding) = depth_png(depth_px)?;
         let depth_name = name(ViewArtifact::DepthPng);
         Ok(Self {

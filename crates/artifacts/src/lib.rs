@@ -11,8 +11,8 @@ mod delivery;
 mod files;
 
 pub use artifact::{
-    Artifact, ArtifactName, ArtifactSink, ArtifactWriter, PFM_MEDIA_TYPE, PairArtifact,
-    ViewArtifact,
+    Artifact, ArtifactName, ArtifactSink, ArtifactWriter, CleanArtifact, PFM_MEDIA_TYPE,
+    PairArtifact, ViewArtifact,
 };
 pub use bundle::Bundle;
 pub use delivery::{Delivered, Delivery};

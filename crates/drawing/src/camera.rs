@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Point3, Vector3};
 
 use super::DrawOptions;
-use frames::Azimuth;
+use frames::Viewpoint;
 
 /// The orthographic camera of one view.
 ///
@@ -21,15 +21,22 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// The camera at azimuth a and elevation e stands at (D sin a, -D cos a, D tan e) and looks
-    /// at the origin, with `options.distance` = D.
-    pub fn new(azimuth: Azimuth, options: &DrawOptions) -> Self {
-        Self::at(azimuth.radians(), options, options.pixels_per_unit())
+    /// The camera at azimuth a and elevation e stands at E (sin a cos e, -cos a cos e, sin e) and
+    /// looks at the origin. E, the distance of all cameras of a sheet, is `options.distance` at the
+    /// sheet's own elevation: `options.distance` is horizontal.
+    pub fn new(viewpoint: Viewpoint, options: &DrawOptions) -> Self {
+        Self::turned(viewpoint, 0.0, options, options.pixels_per_unit())
     }
 
-    pub(super) fn at(azimuth_rad: f64, options: &DrawOptions, pixels_per_unit: f64) -> Self {
-        let (sin_a, cos_a) = azimuth_rad.sin_cos();
-        let (sin_e, cos_e) = options.elevation_deg.to_radians().sin_cos();
+    /// As [`Self::new`], `ahead_rad` ahead of its azimuth.
+    pub(super) fn turned(
+        viewpoint: Viewpoint,
+        ahead_rad: f64,
+        options: &DrawOptions,
+        pixels_per_unit: f64,
+    ) -> Self {
+        let (sin_a, cos_a) = (viewpoint.azimuth.radians() + ahead_rad).sin_cos();
+        let (sin_e, cos_e) = viewpoint.elevation.sin_cos();
         let rotation = Matrix3::new(
             cos_a,
             sin_a,
@@ -45,7 +52,7 @@ impl Camera {
             view_from_model: rotation * pixels_per_unit,
             centre_px: [f64::from(options.width_px) / 2.0, f64::from(options.height_px) / 2.0],
             pixels_per_unit,
-            distance_units: options.distance / cos_e,
+            distance_units: options.camera_distance(),
         }
     }
 
@@ -87,10 +94,11 @@ impl Camera {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use frames::{Azimuth, Elevation};
 
     fn camera(azimuth_deg: f64, elevation_deg: f64) -> Camera {
         let options = DrawOptions { elevation_deg, ..DrawOptions::default() };
-        Camera::new(Azimuth::from_degrees(azimuth_deg).unwrap(), &options)
+        Camera::new(options.viewpoint(Azimuth::from_degrees(azimuth_deg).unwrap()), &options)
     }
 
     #[test]
@@ -118,5 +126,25 @@ mod tests {
         assert!((top.z + 0.5).abs() < 1e-12, "the top faces the viewer: {top}");
         let behind = camera.view_from_model(Point3::new(0.0, 1.0, 0.0));
         assert!(behind.y < 270.0, "what is behind appears higher: {behind}");
+    }
+
+    #[test]
+    fn from_above_the_front_is_at_the_bottom_and_from_below_at_the_top() {
+        let front = Point3::new(0.5, -1.0, 0.25);
+        let seen = |azimuth_deg: f64, elevation_deg: f64| {
+            let azimuth = Azimuth::from_degrees(azimuth_deg).unwrap();
+            let elevation = Elevation::from_degrees(elevation_deg).unwrap();
+            let options = DrawOptions::default();
+            let camera = Camera::new(Viewpoint { azimuth, elevation }, &options);
+            assert_eq!(camera.distance_units, options.distance);
+            let p = camera.view_from_model(front);
+            let unit = camera.pixels_per_unit;
+            [(p.x - 480.0) / unit, (p.y - 270.0) / unit, p.z / unit]
+                .map(|value| (value * 1e9).round() / 1e9 + 0.0)
+        };
+        assert_eq!(seen(0.0, 90.0), [0.5, 1.0, -0.25]);
+        assert_eq!(seen(0.0, -90.0), [0.5, -1.0, 0.25]);
+        // Another azimuth turns the picture.
+        assert_eq!(seen(90.0, 90.0), [-1.0, 0.5, -0.25]);
     }
 }

@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use super::wobble::Noise;
 use super::{LineKind, Stroke};
-use frames::Azimuth;
+use frames::Viewpoint;
 
 /// All imperfections of a sheet; see [`DegradeOptions`](super::DegradeOptions) for their units.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -51,10 +51,14 @@ pub struct ViewError {
     pub azimuth_error_deg: f64,
 }
 
-/// Randomness of one view: it depends on the seed and the azimuth, not on the other views.
-pub(super) fn view_random(seed: u64, azimuth: Azimuth) -> ChaCha8Rng {
+/// Randomness of one view: it depends on the seed and the viewpoint, not on the other views.
+pub(super) fn view_random(seed: u64, viewpoint: Viewpoint) -> ChaCha8Rng {
+    /// Azimuths are below this, millionths of a degree.
+    const TURN: u64 = 360_000_000;
     let mut random = ChaCha8Rng::seed_from_u64(seed);
-    random.set_stream((azimuth.degrees() * 1e6).round() as u64);
+    let azimuth = (viewpoint.azimuth.degrees() * 1e6).round() as u64;
+    let elevation = (viewpoint.elevation.degrees() * 1e6).round() as i64;
+    random.set_stream(azimuth.wrapping_add(TURN.wrapping_mul(elevation as u64)));
     random
 }
 

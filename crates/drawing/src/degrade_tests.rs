@@ -14,7 +14,7 @@ fn line(kind: LineKind, length: f64) -> Stroke {
 }
 
 fn random(seed: u64) -> ChaCha8Rng {
-    view_random(seed, Azimuth::from_degrees(30.0).unwrap())
+    view_random(seed, frames::Azimuth::from_degrees(30.0).unwrap().into())
 }
 
 fn middle() -> Degradation {

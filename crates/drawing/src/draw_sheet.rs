@@ -14,7 +14,7 @@ use super::truth::{disparity_towards, normalised_inverse_depth};
 use super::view::check_camera;
 use super::{DrawError, DrawOptions, Drawer, DrawnView, PreparedModel, SheetLimits, ViewError};
 use artifacts::Artifact;
-use frames::Azimuth;
+use frames::Viewpoint;
 use picture::encode_pfm;
 use progress::{Observer, Progress, Stage};
 
@@ -25,8 +25,8 @@ const DEPTH_COUNTS_PER_UNIT: f64 = 4096.0;
 /// Pixels of the views whose files are in memory at a time, unless threads need more.
 const PIXELS_AT_A_TIME: u64 = 1 << 23;
 
-/// Draws all views and hands over the files of the sheet as they are made: views by azimuth, the
-/// sheet's own last.
+/// Draws all views and hands over the files of the sheet as they are made: views by azimuth and
+/// elevation, the sheet's own last.
 ///
 /// Views are drawn in parallel; the files do not depend on how many at a time.
 ///
@@ -38,28 +38,28 @@ const PIXELS_AT_A_TIME: u64 = 1 << 23;
 /// `emit`.
 pub fn draw_sheet<E: From<DrawError>>(
     model: &PreparedModel,
-    azimuths: &[Azimuth],
+    viewpoints: &[Viewpoint],
     options: &DrawOptions,
     limits: &SheetLimits,
     observer: &dyn Observer,
     emit: &mut (dyn FnMut(Artifact) -> Result<(), E> + Send),
 ) -> Result<(), E> {
-    let azimuths = limits.check(azimuths, options)?;
-    let model = model.placed(options);
+    let viewpoints = limits.check(viewpoints, options)?;
+    let model = model.placed_for(options, &viewpoints);
     let drawer = Drawer::new(&model, options)?;
     let depth_scale = depth_counts_per_unit(&model, options);
-    let counter = ViewCounter::new(observer, azimuths.len());
+    let counter = ViewCounter::new(observer, viewpoints.len());
     let draw = |index: usize| {
         observer.check()?;
-        let view = drawer.draw_view(azimuths[index])?;
-        let files = view_files(&view, &neighbours(&azimuths, index), options, depth_scale)?;
+        let view = drawer.draw_view(viewpoints[index])?;
+        let files = view_files(&view, &neighbours(&viewpoints, index), options, depth_scale)?;
         counter.done();
         Ok(files)
     };
     let at_a_time = (PIXELS_AT_A_TIME / options.pixels()) as usize;
     let at_a_time = at_a_time.max(rayon::current_num_threads());
-    let indices: Vec<usize> = (0..azimuths.len()).collect();
-    let mut views = Vec::with_capacity(azimuths.len());
+    let indices: Vec<usize> = (0..viewpoints.len()).collect();
+    let mut views = Vec::with_capacity(viewpoints.len());
     for indices in indices.chunks(at_a_time) {
         let drawn: Vec<ViewFiles> =
             indices.par_iter().map(|&index| draw(index)).collect::<Result<_, DrawError>>()?;
@@ -74,27 +74,30 @@ pub fn draw_sheet<E: From<DrawError>>(
 /// Checks everything that can be known before drawing.
 ///
 /// # Errors
-/// [`DrawError`] if an option or the list of azimuths is unusable, the sheet is over a limit, or
+/// [`DrawError`] if an option or the list of viewpoints is unusable, the sheet is over a limit, or
 /// the model does not fit the camera.
 pub fn check_sheet(
     model: &PreparedModel,
-    azimuths: &[Azimuth],
+    viewpoints: &[Viewpoint],
     options: &DrawOptions,
     limits: &SheetLimits,
 ) -> Result<(), DrawError> {
-    limits.check(azimuths, options)?;
-    check_camera(model.placed_radius(options), options)
+    let viewpoints = limits.check(viewpoints, options)?;
+    check_camera(model.placed_radius(options, &viewpoints), options)
 }
 
-/// The views before and after one, across 0 too, where they are near enough; each with the signed
-/// angle to it.
-fn neighbours(azimuths: &[Azimuth], index: usize) -> Vec<(Azimuth, f64)> {
-    let own = azimuths[index];
-    let count = azimuths.len();
-    let next = azimuths[(index + 1) % count];
-    let previous = azimuths[(index + count - 1) % count];
-    let ahead = own.degrees_to(next);
-    let behind = previous.degrees_to(own);
+/// The views of the same elevation before and after one, across 0 too, where they are near enough;
+/// each with the signed angle to it.
+fn neighbours(viewpoints: &[Viewpoint], index: usize) -> Vec<(Viewpoint, f64)> {
+    let own = viewpoints[index];
+    let level: Vec<Viewpoint> =
+        viewpoints.iter().copied().filter(|view| view.elevation == own.elevation).collect();
+    let count = level.len();
+    let index = level.iter().position(|view| *view == own).unwrap_or(0);
+    let next = level[(index + 1) % count];
+    let previous = level[(index + count - 1) % count];
+    let ahead = own.azimuth.degrees_to(next.azimuth);
+    let behind = previous.azimuth.degrees_to(own.azimuth);
     let mut neighbours = Vec::new();
     if behind > 0.0 && behind <= MAX_PAIR_ANGLE_DEG {
         neighbours.push((previous, -behind));
@@ -107,8 +110,7 @@ fn neighbours(azimuths: &[Azimuth], index: usize) -> Vec<(Azimuth, f64)> {
 
 /// The same for all views: as fine as 16 bits allow, at most [`DEPTH_COUNTS_PER_UNIT`].
 fn depth_counts_per_unit(model: &PreparedModel, options: &DrawOptions) -> f64 {
-    let centre = options.distance / options.elevation_deg.to_radians().cos();
-    let farthest = centre + model.radius;
+    let farthest = options.camera_distance() + model.radius;
     let mut counts = DEPTH_COUNTS_PER_UNIT;
     while counts * farthest > f64::from(u16::MAX) {
         counts /= 2.0;
@@ -154,30 +156,32 @@ struct ViewSummary {
 
 fn view_files(
     view: &DrawnView,
-    neighbours: &[(Azimuth, f64)],
+    neighbours: &[(Viewpoint, f64)],
     options: &DrawOptions,
     depth_scale: f64,
 ) -> Result<ViewFiles, DrawError> {
-    let azimuth = view.azimuth;
+    let own = view.viewpoint;
     let truth = &view.truth;
     let grey = |image: &image::GrayImage| DynamicImage::ImageLuma8(image.clone());
     let mut files = vec![
-        ArtifactKind::View(azimuth).with_image(&view.image)?,
-        ArtifactKind::Strokes(azimuth).with(svg(&view.strokes, options).into_bytes()),
-        ArtifactKind::Depth(azimuth).with_image(&depth_counts(&truth.depth, depth_scale))?,
-        ArtifactKind::DepthFloat(azimuth).with(encode_pfm(&truth.depth)),
-        ArtifactKind::InverseDepth(azimuth)
+        ArtifactKind::View(own).with_image(&view.image)?,
+        ArtifactKind::Strokes(own).with(svg(&view.strokes, options).into_bytes()),
+        ArtifactKind::Depth(own).with_image(&depth_counts(&truth.depth, depth_scale))?,
+        ArtifactKind::DepthFloat(own).with(encode_pfm(&truth.depth)),
+        ArtifactKind::InverseDepth(own)
             .with_image(&grey(&normalised_inverse_depth(&truth.depth)))?,
-        ArtifactKind::Mask(azimuth).with_image(&grey(&truth.mask))?,
-        ArtifactKind::Normals(azimuth)
-            .with_image(&DynamicImage::ImageRgb8(truth.normals.clone()))?,
+        ArtifactKind::Mask(own).with_image(&grey(&truth.mask))?,
+        ArtifactKind::Normals(own).with_image(&DynamicImage::ImageRgb8(truth.normals.clone()))?,
     ];
     for &(other, angle_deg) in neighbours {
-        let disparity = disparity_towards(&truth.depth, &view.camera, options, angle_deg);
-        files.push(ArtifactKind::Disparity(azimuth, other).with(encode_pfm(&disparity)));
+        let disparity = disparity_towards(&truth.depth, view, options, angle_deg);
+        files.push(ArtifactKind::Disparity(own, other).with(encode_pfm(&disparity)));
     }
-    let page_view =
-        PageView { azimuth, image: on_white(&view.image), ink: InkBounds::of(&view.strokes) };
+    let page_view = PageView {
+        viewpoint: own,
+        image: on_white(&view.image),
+        ink: InkBounds::of(&view.strokes),
+    };
     Ok(ViewFiles { files, summary: ViewSummary { page_view, error: view.error } })
 }
 
@@ -209,8 +213,8 @@ fn finished_sheet(
     options: &DrawOptions,
     depth_scale: f64,
 ) -> Result<Vec<Artifact>, DrawError> {
-    let azimuths: Vec<_> = views.iter().map(|view| view.page_view.azimuth).collect();
-    let errors = views.iter().filter_map(|view| Some((view.page_view.azimuth, view.error?)));
+    let viewpoints: Vec<_> = views.iter().map(|view| view.page_view.viewpoint).collect();
+    let errors = views.iter().filter_map(|view| Some((view.page_view.viewpoint, view.error?)));
     let page_views: Vec<_> = views.iter().map(|view| &view.page_view).collect();
     let page = compose_page(&page_views, options);
     let mut artifacts = vec![
@@ -220,7 +224,7 @@ fn finished_sheet(
     if let Some(degradation) = DegradationDocument::new(errors, options) {
         artifacts.push(ArtifactKind::Degradation.with_json(&degradation)?);
     }
-    let document = sheet_document(&azimuths, options, depth_scale);
+    let document = sheet_document(&viewpoints, options, depth_scale);
     artifacts.push(ArtifactKind::Sheet.with_json(&document)?);
     Ok(artifacts)
 }

@@ -1,5 +1,6 @@
 //! Why a model cannot be drawn as asked.
 
+use frames::Viewpoint;
 use mesh::raster::Overdrawn;
 use options::OptionProblems;
 use progress::Cancelled;
@@ -54,10 +55,10 @@ pub enum DrawError {
         /// The most that one view may visit: triangles under lines, or samples.
         limit: u64,
     },
-    /// No azimuth is given.
+    /// No viewpoint is given.
     #[error("a sheet needs at least one view")]
     NoViews,
-    /// More azimuths are given than a sheet may have.
+    /// More viewpoints are given than a sheet may have.
     #[error("{found} views are asked for; at most {limit} are drawn")]
     TooManyViews {
         /// Views asked for.
@@ -65,11 +66,14 @@ pub enum DrawError {
         /// The most that are drawn.
         limit: usize,
     },
-    /// Two views have one azimuth.
-    #[error("the view at {azimuth_deg} degrees is asked for twice")]
+    /// Two views look along one direction.
+    #[error(
+        "the view from azimuth {}, elevation {} is asked for twice (straight from above or below every azimuth is the same)",
+        view.azimuth, view.elevation.degrees()
+    )]
     DuplicateView {
-        /// Their azimuth, degrees.
-        azimuth_deg: f64,
+        /// Where the later one stands.
+        view: Viewpoint,
     },
     /// Somebody asked to stop.
     #[error("the drawing was cancelled")]

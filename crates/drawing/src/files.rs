@@ -4,29 +4,30 @@ use image::{DynamicImage, ImageBuffer, Luma};
 
 use super::DrawError;
 use artifacts::{Artifact, PFM_MEDIA_TYPE};
-use frames::Azimuth;
+use frames::Viewpoint;
 use picture::{FloatImage, dynamic_png};
 
 /// The files of a drawn sheet. Azimuths are written as the shortest decimal with three digits
-/// before the point: `view_000.png`, `view_022.5.png`.
+/// before the point, and with the elevation of views that are not level: `view_000.png`,
+/// `view_022.5.png`, `view_000_e90.png`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ArtifactKind {
     /// The drawing.
-    View(Azimuth),
+    View(Viewpoint),
     /// Its strokes as vectors.
-    Strokes(Azimuth),
+    Strokes(Viewpoint),
     /// Distance from the camera plane, 16 bits; 0 is background.
-    Depth(Azimuth),
+    Depth(Viewpoint),
     /// The same in scene units, NaN is background.
-    DepthFloat(Azimuth),
+    DepthFloat(Viewpoint),
     /// The dissertation's depth: inverted, normalised to 8 bits.
-    InverseDepth(Azimuth),
+    InverseDepth(Viewpoint),
     /// Where the model is: 255 on it, 0 on the background.
-    Mask(Azimuth),
+    Mask(Viewpoint),
     /// Unit normals of the visible surface, as RGB.
-    Normals(Azimuth),
+    Normals(Viewpoint),
     /// Disparity of the first view towards the second, pixels.
-    Disparity(Azimuth, Azimuth),
+    Disparity(Viewpoint, Viewpoint),
     /// The document that describes the sheet.
     Sheet,
     /// All views on one page.
@@ -41,13 +42,13 @@ impl ArtifactKind {
     /// Its file name in the sheet's folder, such as `view_045.png`.
     pub fn name(self) -> String {
         match self {
-            Self::View(azimuth) => format!("view_{}.png", azimuth.padded()),
-            Self::Strokes(azimuth) => format!("view_{}.svg", azimuth.padded()),
-            Self::Depth(azimuth) => format!("depth_{}.png", azimuth.padded()),
-            Self::DepthFloat(azimuth) => format!("depth_{}.pfm", azimuth.padded()),
-            Self::InverseDepth(azimuth) => format!("inverse_depth_{}.png", azimuth.padded()),
-            Self::Mask(azimuth) => format!("mask_{}.png", azimuth.padded()),
-            Self::Normals(azimuth) => format!("normals_{}.png", azimuth.padded()),
+            Self::View(view) => format!("view_{}.png", view.padded()),
+            Self::Strokes(view) => format!("view_{}.svg", view.padded()),
+            Self::Depth(view) => format!("depth_{}.png", view.padded()),
+            Self::DepthFloat(view) => format!("depth_{}.pfm", view.padded()),
+            Self::InverseDepth(view) => format!("inverse_depth_{}.png", view.padded()),
+            Self::Mask(view) => format!("mask_{}.png", view.padded()),
+            Self::Normals(view) => format!("normals_{}.png", view.padded()),
             Self::Disparity(from, to) => format!("disparity_{}_{}.pfm", from.padded(), to.padded()),
             Self::Sheet => "sheet.json".to_owned(),
             Self::Page => "page.png".to_owned(),
@@ -110,7 +111,9 @@ mod tests {
 
     #[test]
     fn names_sort_by_azimuth_and_keep_its_decimals() {
-        let name = |degrees| ArtifactKind::View(Azimuth::from_degrees(degrees).unwrap()).name();
+        let name = |degrees| {
+            ArtifactKind::View(frames::Azimuth::from_degrees(degrees).unwrap().into()).name()
+        };
         assert_eq!(name(0.0), "view_000.png");
         assert_eq!(name(22.5), "view_022.5.png");
         assert_eq!(name(315.0), "view_315.png");

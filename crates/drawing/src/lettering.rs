@@ -26,9 +26,11 @@ const DIGITS: [Glyph; 10] = [
     &[&[[1, 6], [3, 4], [4, 2], [3, 0], [1, 0], [0, 2], [1, 3], [3, 3], [4, 2]]],
 ];
 const POINT: Glyph = &[&[[2, 6], [2, 5]]];
+const MINUS: Glyph = &[&[[1, 3], [3, 3]]];
+const SLASH: Glyph = &[&[[0, 6], [3, 0]]];
 const DEGREE: Glyph = &[&[[1, 0], [2, 0], [2, 1], [1, 1], [1, 0]]];
 
-/// Digits, decimal point and degree sign as strokes, centred below `top_px`; other characters
+/// Digits, decimal point, minus, slash and degree sign as strokes, centred below `top_px`; other characters
 /// are blank.
 pub(super) fn lettering(text: &str, top_px: Point2<f64>, height_px: f64) -> Vec<Stroke> {
     let scale = height_px / HEIGHT;
@@ -54,6 +56,8 @@ fn glyph(character: char) -> Glyph {
     match character {
         '.' => POINT,
         '°' => DEGREE,
+        '-' => MINUS,
+        '/' => SLASH,
         _ => character.to_digit(10).map_or(&[], |digit| DIGITS[digit as usize]),
     }
 }

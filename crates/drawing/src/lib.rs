@@ -46,6 +46,7 @@ pub use features::LineKind;
 pub use files::ArtifactKind;
 pub use limits::SheetLimits;
 pub use options::{ContourStyle, DrawOptions, Ink};
+pub use page::{PageDrawing, page};
 pub use prepared::PreparedModel;
 pub use svg::svg;
 pub use truth::{GroundTruth, disparity_towards, normalised_inverse_depth};

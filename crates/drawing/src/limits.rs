@@ -1,7 +1,7 @@
 //! How large a sheet may be.
 
 use super::{DrawError, DrawOptions};
-use frames::Azimuth;
+use frames::Viewpoint;
 
 /// How large a sheet may be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,26 +21,28 @@ impl Default for SheetLimits {
 }
 
 impl SheetLimits {
-    /// The azimuths in ascending order, if options and list can be drawn within the limits.
+    /// The viewpoints in ascending order, if options and list can be drawn within the limits.
     pub(super) fn check(
         &self,
-        azimuths: &[Azimuth],
+        viewpoints: &[Viewpoint],
         options: &DrawOptions,
-    ) -> Result<Vec<Azimuth>, DrawError> {
+    ) -> Result<Vec<Viewpoint>, DrawError> {
         options.check(self.max_view_samples)?;
-        let mut azimuths = azimuths.to_vec();
-        azimuths.sort_unstable();
-        let (found, limit) = (azimuths.len(), self.max_views);
+        let mut viewpoints = viewpoints.to_vec();
+        viewpoints.sort_unstable();
+        let (found, limit) = (viewpoints.len(), self.max_views);
         if found == 0 {
             return Err(DrawError::NoViews);
         }
         if found > limit {
             return Err(DrawError::TooManyViews { found, limit });
         }
-        if let Some(pair) = azimuths.windows(2).find(|pair| pair[0] == pair[1]) {
-            return Err(DrawError::DuplicateView { azimuth_deg: pair[0].degrees() });
+        for (index, &view) in viewpoints.iter().enumerate() {
+            if viewpoints[..index].iter().any(|earlier| earlier.looks_like(view)) {
+                return Err(DrawError::DuplicateView { view });
+            }
         }
         let (found, limit) = (options.pixels() * found as u64, self.max_pixels);
-        (found <= limit).then_some(azimuths).ok_or(DrawError::TooManyPixels { found, limit })
+        (found <= limit).then_some(viewpoints).ok_or(DrawError::TooManyPixels { found, limit })
     }
 }

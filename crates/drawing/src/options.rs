@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::DrawError;
 use super::background::Background;
 use super::degrade_options::DegradeOptions;
+use frames::{Azimuth, Elevation, Viewpoint};
 use options::{OptionProblem, OptionSet, Schema, check_set};
 
 /// How a model is drawn. The defaults are the dissertation's (METHOD.md, section 7).
@@ -25,10 +26,11 @@ pub struct DrawOptions {
     pub scale: f64,
     /// Centre the model on the turntable axis and size it so that no view leaves the frame.
     pub fit: bool,
-    /// Horizontal distance of the camera from the turntable axis in scene units.
+    /// Horizontal distance of the camera from the turntable axis in scene units. Views that have an
+    /// elevation of their own are drawn from as far as the others.
     #[schemars(range(min = 1e-6, max = 1e6))]
     pub distance: f64,
-    /// Elevation of the camera in degrees, up positive.
+    /// Elevation of the camera of views that have none of their own, degrees, up positive.
     #[schemars(range(min = -85, max = 85))]
     pub elevation_deg: f64,
     /// Samples of a pixel on each axis, for lines and ground truth.
@@ -102,6 +104,21 @@ impl DrawOptions {
     /// Pixels of the drawing a unit of the model.
     pub fn pixels_per_unit(&self) -> f64 {
         f64::from(self.width_px) / self.scale
+    }
+
+    /// The camera's distance from the origin, scene units.
+    pub fn camera_distance(&self) -> f64 {
+        self.distance / self.elevation_deg.to_radians().cos()
+    }
+
+    /// The elevation of views that have none of their own; level for what no options may say.
+    pub fn elevation(&self) -> Elevation {
+        Elevation::from_degrees(self.elevation_deg).unwrap_or_default()
+    }
+
+    /// Where the camera of a view at `azimuth` stands if nothing else is said.
+    pub fn viewpoint(&self, azimuth: Azimuth) -> Viewpoint {
+        Viewpoint { azimuth, elevation: self.elevation() }
     }
 
     /// Pixels of a view.

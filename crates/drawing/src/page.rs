@@ -7,11 +7,11 @@ use super::ink::ink_coverage;
 use super::lettering::lettering;
 use super::paint::mixed;
 use super::{DrawOptions, Stroke};
-use frames::Azimuth;
+use frames::Viewpoint;
 
 /// A view as it goes on the page.
 pub(super) struct PageView {
-    pub azimuth: Azimuth,
+    pub viewpoint: Viewpoint,
     /// Grey or RGB.
     pub image: DynamicImage,
     /// First and last column and row that hold ink; `None` for an empty view.
@@ -35,6 +35,34 @@ impl InkBounds {
             })
         })
     }
+}
+
+/// A view to be put on a page.
+pub struct PageDrawing {
+    /// Where it is drawn from.
+    pub viewpoint: Viewpoint,
+    /// Grey or RGB; all of one size.
+    pub image: DynamicImage,
+    /// First and one past the last column and row of the subject, px; `None` for an empty view.
+    pub bounds: Option<[[f64; 2]; 2]>,
+}
+
+/// Puts views side by side as pages of drawn sheets have them, on white: at one scale, on one
+/// ground line, with their angles below. No views make an empty page.
+pub fn page(views: &[PageDrawing]) -> DynamicImage {
+    let Some(first) = views.first() else { return DynamicImage::new_luma8(1, 1) };
+    let (width_px, height_px) = (first.image.width(), first.image.height());
+    let options = DrawOptions { width_px, height_px, ..DrawOptions::default() };
+    let view = |drawing: &PageDrawing| PageView {
+        viewpoint: drawing.viewpoint,
+        image: drawing.image.clone(),
+        ink: drawing.bounds.map(|[columns, rows]| InkBounds {
+            low: [columns[0], rows[0]],
+            high: [columns[1], rows[1]],
+        }),
+    };
+    let views: Vec<PageView> = views.iter().map(view).collect();
+    compose_page(&views.iter().collect::<Vec<_>>(), &options)
 }
 
 const MAX_COLUMNS: usize = 8;
@@ -77,7 +105,7 @@ fn compose<P: Pixel<Subpixel = u8>>(
             f64::from(left) + f64::from(window.width) / 2.0,
             f64::from(top + window.height) + 0.5 * letter_px,
         );
-        labels.extend(lettering(&format!("{}°", view.azimuth), below, letter_px));
+        labels.extend(lettering(&label(view.viewpoint), below, letter_px));
     }
     let ink = ink_coverage(&labels, width, height, 1, options.line_width_px.max(1.5));
     let pen = options.background.contrasting();
@@ -85,6 +113,12 @@ fn compose<P: Pixel<Subpixel = u8>>(
         pixel.apply(|level| mixed(level, pen, ink.0[0]));
     }
     page
+}
+
+/// `45°`, or with the elevation of a view that is not level `45° /30°`, from below `45° /-30°`.
+fn label(view: Viewpoint) -> String {
+    let azimuth = format!("{}°", view.azimuth);
+    if view.is_level() { azimuth } else { format!("{azimuth} /{}°", view.elevation.degrees()) }
 }
 
 /// The part of the views that the page shows: the same in all, so that scale and ground agree.

@@ -7,6 +7,7 @@ use nalgebra::{Point3, Vector3};
 use super::bvh::TriangleTree;
 use super::paint::material_colour;
 use super::{DrawError, DrawOptions};
+use frames::{Elevation, Viewpoint};
 use mesh::Mesh;
 use mesh::read::{LinearRgb, Model};
 
@@ -134,23 +135,30 @@ impl PreparedModel {
         &self.mesh
     }
 
+    /// As [`Self::placed_for`] views that have no elevation of their own.
+    pub fn placed(&self, options: &DrawOptions) -> Cow<'_, Self> {
+        self.placed_for(options, &[])
+    }
+
     /// The model as it is drawn: with the option `fit`, its bounding box is centred on the origin
     /// and scaled so that no view leaves the frame, whatever the azimuth.
-    pub fn placed(&self, options: &DrawOptions) -> Cow<'_, Self> {
-        let Some((centre, scale)) = self.fit(options) else {
+    ///
+    /// * `viewpoints`: from where else than the options' elevation it is drawn.
+    pub fn placed_for(&self, options: &DrawOptions, viewpoints: &[Viewpoint]) -> Cow<'_, Self> {
+        let Some((centre, scale)) = self.fit(options, viewpoints) else {
             return Cow::Borrowed(self);
         };
         let mut placed = self.clone();
         for p in &mut placed.mesh.positions {
             *p = Point3::from((p.coords - centre) * scale);
         }
-        placed.radius = self.placed_radius(options);
+        placed.radius = self.placed_radius(options, viewpoints);
         Cow::Owned(placed)
     }
 
-    /// The largest distance of a vertex of [`Self::placed`] from the origin.
-    pub(super) fn placed_radius(&self, options: &DrawOptions) -> f64 {
-        let Some((centre, scale)) = self.fit(options) else {
+    /// The largest distance of a vertex of [`Self::placed_for`] from the origin.
+    pub(super) fn placed_radius(&self, options: &DrawOptions, viewpoints: &[Viewpoint]) -> f64 {
+        let Some((centre, scale)) = self.fit(options, viewpoints) else {
             return self.radius;
         };
         let used = self.mesh.triangles.iter().flatten();
@@ -160,15 +168,21 @@ impl PreparedModel {
     }
 
     /// The point that is moved to the origin, and the factor; `None` if the model stays as it is.
-    fn fit(&self, options: &DrawOptions) -> Option<(Vector3<f64>, f64)> {
+    fn fit(&self, options: &DrawOptions, viewpoints: &[Viewpoint]) -> Option<(Vector3<f64>, f64)> {
         let (low, high) = self.used_bounds().filter(|_| options.fit)?;
         let centre = nalgebra::center(&low, &high).coords;
         let (mut reach, mut rise) = (0.0_f64, 0.0_f64);
-        let (sin, cos) = options.elevation_deg.to_radians().sin_cos();
+        let own = viewpoints.iter().map(|viewpoint| viewpoint.elevation);
+        let mut elevations: Vec<Elevation> = own.chain([options.elevation()]).collect();
+        elevations.sort();
+        elevations.dedup();
+        let turns: Vec<(f64, f64)> = elevations.into_iter().map(Elevation::sin_cos).collect();
         for &vertex in self.mesh.triangles.iter().flatten() {
             let p = self.mesh.positions[vertex as usize].coords - centre;
             reach = reach.max(p.xy().norm());
-            rise = rise.max(p.z.abs() * cos + p.xy().norm() * sin.abs());
+            for (sin, cos) in &turns {
+                rise = rise.max(p.z.abs() * cos + p.xy().norm() * sin.abs());
+            }
         }
         let height = f64::from(options.height_px) / options.pixels_per_unit();
         let scale = (options.scale / (2.0 * reach)).min(height / (2.0 * rise));

@@ -7,7 +7,7 @@ use super::camera::Camera;
 use super::features::ViewedModel;
 use super::options::Ink;
 use super::paint::{Paint, painted};
-use super::{DrawError, DrawOptions, PreparedModel};
+use super::{DrawError, DrawOptions, DrawnView, PreparedModel};
 use mesh::raster::SampleBuffer;
 use mesh::read::LinearRgb;
 use picture::FloatImage;
@@ -179,14 +179,17 @@ pub fn normalised_inverse_depth(depth: &FloatImage) -> GrayImage {
 /// With x from the turntable axis' column and d the depth behind the axis plane, both in pixels,
 /// and t the angle from this view to the other: x (1 - cos t) - d sin t. Nearer is larger for the
 /// next view counter-clockwise. In views from above or below it is the horizontal part.
+///
+/// * `view`: whose depth it is.
 pub fn disparity_towards(
     depth: &FloatImage,
-    camera: &Camera,
+    view: &DrawnView,
     options: &DrawOptions,
     angle_deg: f64,
 ) -> FloatImage {
     let (sin_t, cos_t) = angle_deg.to_radians().sin_cos();
-    let (sin_e, cos_e) = options.elevation_deg.to_radians().sin_cos();
+    let (sin_e, cos_e) = view.viewpoint.elevation.sin_cos();
+    let camera = &view.camera;
     let mut disparity = depth.clone();
     for (column, row, value) in disparity.enumerate_pixels_mut() {
         if !value.0[0].is_finite() {

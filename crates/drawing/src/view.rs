@@ -18,13 +18,13 @@ use super::rules::LineRules;
 use super::truth::{GroundTruth, SampledView};
 use super::visibility::Visibility;
 use super::{Background, DrawError, DrawOptions, PreparedModel, SheetLimits};
-use frames::Azimuth;
+use frames::Viewpoint;
 
 /// One view of a model, with what is true of it.
 #[derive(Clone, Debug)]
 pub struct DrawnView {
-    /// The angle at which the sheet states the view.
-    pub azimuth: Azimuth,
+    /// Where the sheet states the view to be drawn from.
+    pub viewpoint: Viewpoint,
     /// The camera of the ground truth: the view as the sheet states it.
     pub camera: Camera,
     /// The drawing, of as few channels as it needs: grey, grey with alpha, RGB or RGBA; sRGB.
@@ -61,28 +61,28 @@ impl<'a> Drawer<'a> {
         })
     }
 
-    /// What is true of the view at `azimuth`, without its drawing.
+    /// What is true of the view from `viewpoint`, without its drawing.
     ///
     /// # Errors
     /// [`DrawError::TooComplex`] if the model's triangles cover each other too often.
-    pub fn truth_of_view(&self, azimuth: Azimuth) -> Result<GroundTruth, DrawError> {
-        let camera = Camera::new(azimuth, &self.options);
+    pub fn truth_of_view(&self, viewpoint: Viewpoint) -> Result<GroundTruth, DrawError> {
+        let camera = Camera::new(viewpoint, &self.options);
         Ok(SampledView::new(self.model, &camera, &self.options)?.truth())
     }
 
-    /// Draws the view at `azimuth`.
+    /// Draws the view from `viewpoint`.
     ///
     /// # Errors
     /// [`DrawError::TooComplex`] if the model's triangles hide each other too often.
-    pub fn draw_view(&self, azimuth: Azimuth) -> Result<DrawnView, DrawError> {
-        let camera = Camera::new(azimuth, &self.options);
+    pub fn draw_view(&self, viewpoint: Viewpoint) -> Result<DrawnView, DrawError> {
+        let camera = Camera::new(viewpoint, &self.options);
         let sampled = SampledView::new(self.model, &camera, &self.options)?;
         let truth = sampled.truth();
-        let mut random = view_random(self.options.degrade.seed, azimuth);
+        let mut random = view_random(self.options.degrade.seed, viewpoint);
         let error = self.degradation.as_ref().map(|d| d.view_error(&mut random));
         let drawn_from = match &error {
             None => camera,
-            Some(error) => self.misplaced(azimuth, error),
+            Some(error) => self.misplaced(viewpoint, error),
         };
         let paint = match self.options.ink {
             Ink::Lines => None,
@@ -117,13 +117,13 @@ impl<'a> Drawer<'a> {
                 compressed(multiplied(painted, &pencil), degradation.jpeg_quality)?
             }
         };
-        Ok(DrawnView { azimuth, camera, image, strokes, truth, error })
+        Ok(DrawnView { viewpoint, camera, image, strokes, truth, error })
     }
 
-    fn misplaced(&self, azimuth: Azimuth, error: &ViewError) -> Camera {
-        let azimuth_rad = azimuth.radians() + error.azimuth_error_deg.to_radians();
+    fn misplaced(&self, viewpoint: Viewpoint, error: &ViewError) -> Camera {
+        let ahead_rad = error.azimuth_error_deg.to_radians();
         let pixels_per_unit = self.options.pixels_per_unit() * error.scale;
-        Camera::at(azimuth_rad, &self.options, pixels_per_unit).shifted(error.shift_px)
+        Camera::turned(viewpoint, ahead_rad, &self.options, pixels_per_unit).shifted(error.shift_px)
     }
 
     /// The visible lines, joined into strokes.
@@ -160,7 +160,7 @@ fn piece_ends(
 
 /// * `radius`: the largest distance of the model from the origin, units.
 pub(super) fn check_camera(radius: f64, options: &DrawOptions) -> Result<(), DrawError> {
-    let distance = options.distance / options.elevation_deg.to_radians().cos();
+    let distance = options.camera_distance();
     if radius >= distance {
         return Err(DrawError::CameraInsideModel { radius, distance });
     }

@@ -27,6 +27,8 @@ pub struct TruthReport {
 pub struct ViewTruthReport {
     /// The view's azimuth, degrees in [0, 360).
     pub azimuth_deg: f64,
+    /// The view's elevation, degrees.
+    pub elevation_deg: f64,
     /// What the picture of true values holds, and how.
     pub kind: TruthKind,
     /// The format of the picture of true values.
@@ -177,6 +179,7 @@ mod tests {
     fn view(disparity: Option<ViewReport>) -> ViewTruthReport {
         ViewTruthReport {
             azimuth_deg: 0.0,
+            elevation_deg: 0.0,
             kind: TruthKind::Depth,
             encoding: TruthEncoding::Png16,
             comparison: ViewComparison { disparity, ..ViewComparison::default() },

@@ -7,16 +7,18 @@
 //! | glTF | X right, Y up, Z towards the viewer at azimuth 0 | metres |
 //!
 //! Azimuths turn the camera about Z: at 90 degrees the subject's left side is
-//! seen.
+//! seen. Elevations raise it from there; see [`Viewpoint`].
 
 mod axes;
 mod azimuth;
-mod azimuth_list;
 mod placement;
 mod up_axis;
+mod viewpoint;
+mod viewpoint_list;
 
 pub use axes::{FileAxes, FileUp, Forward};
 pub use azimuth::{Azimuth, NotFinite};
-pub use azimuth_list::AzimuthList;
 pub use placement::{ExportOptions, Origin, Placement};
 pub use up_axis::UpAxis;
+pub use viewpoint::{Elevation, NoElevation, Viewpoint};
+pub use viewpoint_list::ViewpointList;

@@ -45,18 +45,25 @@ pub struct SheetDocument {
 /// One drawn view.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-#[expect(missing_docs, reason = "the schema describes it")]
 pub struct ViewDocument {
     /// Name of the drawing: PNG, JPEG, WebP, TIFF, GIF or SVG.
     pub image: String,
     /// Degrees, the camera moving counter-clockwise seen from above; 0 is the
     /// front, 90 shows the subject's left side.
     pub azimuth_deg: f64,
+    /// How far the camera is raised, degrees from -90 to 90: 0 is level, 90 looks straight down.
+    /// There the azimuth only turns the picture: at 0 the front is at its bottom edge; from
+    /// below, at -90, at its top edge.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = -90, max = 90))]
     pub elevation_deg: Option<f64>,
     /// Name of the subject's mask: white inside.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mask: Option<String>,
+    /// Whether the mask covers the outline's stroke, as masks that are found do; else it ends in
+    /// the stroke's middle.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub mask_with_outline: bool,
     /// The subject's outline by hand, px from the drawing's top left corner.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub polygon: Vec<[f64; 2]>,
@@ -72,7 +79,8 @@ pub struct ViewDocument {
     /// The column of the turning axis in the drawing, px from its left edge.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub axis_x: Option<f64>,
-    /// The row on which the subject stands, px from the drawing's top edge.
+    /// The row of the point where the axis meets the ground, px from the drawing's top edge: where
+    /// the subject stands in a level view.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ground_y: Option<f64>,
     /// By what the drawing is multiplied to fit the others: 2 for one drawn at half their size.
@@ -169,6 +177,9 @@ pub struct TruthDocument {
 #[expect(missing_docs, reason = "the schema describes it")]
 pub struct HoleDocument {
     pub azimuth_deg: f64,
+    /// Of a view from above or below; views that are level have none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub elevation_deg: Option<f64>,
     /// Pixels right of the view's left edge.
     pub x: f64,
     /// Pixels below the view's top edge.

@@ -4,15 +4,15 @@ use image::{GrayImage, RgbImage};
 
 use super::PictureSize;
 use super::matches::{MatchEdit, MatchesProblem, PairEdit, PairMatchesDocument, check_matches};
-use frames::Azimuth;
+use frames::{Azimuth, Elevation, Viewpoint};
 
 /// One decoded view.
 #[derive(Clone, Debug, PartialEq)]
 pub struct View {
     /// Where its camera stands on the turntable.
     pub azimuth: Azimuth,
-    /// Camera elevation, degrees, up positive.
-    pub elevation_deg: f64,
+    /// How far above the ground it looks from.
+    pub elevation: Elevation,
     /// The drawing, 8-bit grey, lines dark on light.
     pub image: GrayImage,
     /// The subject's mask, above 127 inside, of the drawing's size.
@@ -27,11 +27,17 @@ pub struct View {
 impl View {
     /// A drawing seen by a level camera.
     pub fn level(azimuth: Azimuth, image: GrayImage, mask: Option<GrayImage>) -> Self {
-        Self { azimuth, elevation_deg: 0.0, image, mask, mask_was_found: false, color: None }
+        let elevation = Elevation::LEVEL;
+        Self { azimuth, elevation, image, mask, mask_was_found: false, color: None }
+    }
+
+    /// Where its camera stands.
+    pub fn viewpoint(&self) -> Viewpoint {
+        Viewpoint { azimuth: self.azimuth, elevation: self.elevation }
     }
 }
 
-/// Views of one subject, sorted by azimuth, no two alike.
+/// Views of one subject, sorted by azimuth and elevation, no two alike.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sheet {
     views: Vec<View>,
@@ -41,16 +47,23 @@ pub struct Sheet {
 /// Why views do not make a sheet.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SheetError {
-    /// Two views are at this angle.
-    #[error("two views have azimuth {0}; give each angle once (360 and 0 are the same)")]
-    DuplicateAzimuth(Azimuth),
+    /// Two views look along one direction.
+    #[error(
+        "views {first} and {second} look along one direction; give each once (360 and 0 are the same, and so is every azimuth straight from above or below)"
+    )]
+    Duplicate {
+        /// Where one stands.
+        first: Viewpoint,
+        /// Where the other stands.
+        second: Viewpoint,
+    },
     /// A mask is not of its drawing's size.
     #[error(
-        "the mask of view {azimuth} is {mask_width}x{mask_height}, its drawing {width}x{height}; make them the same size"
+        "the mask of view {view} is {mask_width}x{mask_height}, its drawing {width}x{height}; make them the same size"
     )]
     MaskSize {
         /// Which view.
-        azimuth: Azimuth,
+        view: Viewpoint,
         /// Of the drawing, px.
         width: u32,
         /// Of the drawing, px.
@@ -63,15 +76,16 @@ pub enum SheetError {
 }
 
 impl Sheet {
-    /// Sorts `views` by azimuth.
+    /// Sorts `views` by azimuth and elevation.
     ///
     /// # Errors
-    /// [`SheetError`] if two views share an azimuth or a mask does not fit.
+    /// [`SheetError`] if two views share a direction or a mask does not fit.
     pub fn new(mut views: Vec<View>) -> Result<Self, SheetError> {
-        views.sort_by_key(|view| view.azimuth);
-        for pair in views.windows(2) {
-            if pair[0].azimuth == pair[1].azimuth {
-                return Err(SheetError::DuplicateAzimuth(pair[0].azimuth));
+        views.sort_by_key(View::viewpoint);
+        for (index, view) in views.iter().enumerate() {
+            let (second, mut earlier) = (view.viewpoint(), views[..index].iter());
+            if let Some(same) = earlier.find(|other| other.viewpoint().looks_like(second)) {
+                return Err(SheetError::Duplicate { first: same.viewpoint(), second });
             }
         }
         for view in &views {
@@ -80,7 +94,7 @@ impl Sheet {
                 && (mask_width, mask_height) != (width, height)
             {
                 return Err(SheetError::MaskSize {
-                    azimuth: view.azimuth,
+                    view: view.viewpoint(),
                     width,
                     height,
                     mask_width,
@@ -91,7 +105,7 @@ impl Sheet {
         Ok(Self { views, edits: Vec::new() })
     }
 
-    /// Takes the matches that a document brings.
+    /// Takes the matches that a document brings for its level views.
     ///
     /// # Errors
     /// [`MatchesProblem`], see [`check_matches`].
@@ -104,7 +118,8 @@ impl Sheet {
             let (width, height) = view.image.dimensions();
             (view.azimuth, PictureSize { width, height })
         };
-        let sizes: Vec<_> = self.views.iter().map(size).collect();
+        let level = self.views.iter().filter(|view| view.viewpoint().is_level());
+        let sizes: Vec<_> = level.map(size).collect();
         let edits = check_matches(documents, &sizes, max_pair_angle_deg)?;
         Ok(Self { edits, ..self })
     }
@@ -115,7 +130,7 @@ impl Sheet {
         found.map(|edit| &edit.edit)
     }
 
-    /// The views by rising azimuth.
+    /// The views by rising azimuth and elevation.
     pub fn views(&self) -> &[View] {
         &self.views
     }
@@ -139,7 +154,19 @@ mod tests {
     #[test]
     fn one_angle_written_twice_is_refused() {
         let error = Sheet::new(vec![view(0.0), view(45.0), view(360.0)]).unwrap_err();
-        assert_eq!(error, SheetError::DuplicateAzimuth(Azimuth::from_degrees(0.0).unwrap()));
+        assert!(matches!(error, SheetError::Duplicate { .. }), "{error}");
+        let raised = |azimuth: f64, elevation: f64| View {
+            elevation: Elevation::from_degrees(elevation).unwrap(),
+            ..view(azimuth)
+        };
+        let sheet = |views: &[(f64, f64)]| {
+            Sheet::new(
+                views.iter().map(|&(azimuth, elevation)| raised(azimuth, elevation)).collect(),
+            )
+        };
+        assert_eq!(sheet(&[(0.0, 0.0), (0.0, 30.0), (0.0, -30.0)]).unwrap().views().len(), 3);
+        assert!(sheet(&[(0.0, 30.0), (360.0, 30.0)]).is_err());
+        assert!(sheet(&[(0.0, 90.0), (45.0, 90.0)]).is_err());
     }
 
     #[test]

@@ -232,8 +232,9 @@ mod tests {
             PreparedModel::new(&ProceduralModel::from_name("dude").unwrap().build()).unwrap();
         let options = DrawOptions { width_px: 320, height_px: 180, ..DrawOptions::default() };
         let drawer = Drawer::new(&model, &options).unwrap();
-        let views = [40.0, 45.0, 50.0]
-            .map(|degrees| drawer.draw_view(Azimuth::from_degrees(degrees).unwrap()).unwrap());
+        let views = [40.0, 45.0, 50.0].map(|degrees| {
+            drawer.draw_view(Azimuth::from_degrees(degrees).unwrap().into()).unwrap()
+        });
         let mut depth_px = views[1].truth.depth.clone();
         let per_unit = options.pixels_per_unit();
         for value in depth_px.iter_mut() {

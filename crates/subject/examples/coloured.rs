@@ -86,7 +86,7 @@ fn measured(
             let placed = model.placed(&options);
             let drawer = Drawer::new(&placed, &options)?;
             for degrees in AZIMUTHS_DEG {
-                let view = drawer.draw_view(Azimuth::from_degrees(degrees)?)?;
+                let view = drawer.draw_view(Azimuth::from_degrees(degrees)?.into())?;
                 let drawing = view.image.into_rgba8();
                 let subject =
                     find(&drawing, &Hints::default(), &SubjectOptions::default(), &|| false);

@@ -37,7 +37,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let placed = model.placed(&options);
     let drawer = Drawer::new(&placed, &options)?;
     let drawn = AZIMUTHS_DEG.map(|degrees| -> Result<RgbaImage, Box<dyn Error>> {
-        Ok(drawer.draw_view(Azimuth::from_degrees(degrees)?)?.image.into_rgba8())
+        Ok(drawer.draw_view(Azimuth::from_degrees(degrees)?.into())?.image.into_rgba8())
     });
     let drawings: Vec<RgbaImage> = drawn.into_iter().collect::<Result<_, _>>()?;
     // Forgets what drawing took.

@@ -25,12 +25,14 @@ fn drawn(azimuths: &str) -> Sheet {
     let model = PreparedModel::new(&ProceduralModel::CapedFigure.build()).expect("a model");
     let options = DrawOptions::default();
     let drawer = Drawer::new(&model, &options).expect("usual options");
-    let list: frames::AzimuthList = azimuths.parse().expect("a list of azimuths");
-    let view = |azimuth: &Azimuth| {
-        let drawn = drawer.draw_view(*azimuth).expect("a view");
+    let list: frames::ViewpointList = azimuths.parse().expect("a list of azimuths");
+    let list = list.at(frames::Elevation::LEVEL);
+    let view = |viewpoint: &frames::Viewpoint| {
+        let azimuth = &viewpoint.azimuth;
+        let drawn = drawer.draw_view((*azimuth).into()).expect("a view");
         View::level(*azimuth, drawn.image.to_luma8(), None)
     };
-    Sheet::new(list.0.iter().map(view).collect()).expect("a sheet")
+    Sheet::new(list.iter().map(view).collect()).expect("a sheet")
 }
 
 fn views(sheet: &Sheet) -> ViewSet<'_> {

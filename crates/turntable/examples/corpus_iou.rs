@@ -93,7 +93,7 @@ fn sheet_of(drawer: &Drawer<'_>, degrees: &[f64]) -> Fallible<Sheet> {
     use rayon::prelude::*;
     let view = |&degrees: &f64| -> Result<View, String> {
         let azimuth = Azimuth::from_degrees(degrees).map_err(|e| e.to_string())?;
-        let drawn = drawer.draw_view(azimuth).map_err(|e| e.to_string())?;
+        let drawn = drawer.draw_view(azimuth.into()).map_err(|e| e.to_string())?;
         Ok(View::level(azimuth, drawn.image.to_luma8(), Some(drawn.truth.mask)))
     };
     let views: Vec<View> = degrees.par_iter().map(view).collect::<Result<_, _>>()?;

@@ -2,45 +2,99 @@
 
 use std::borrow::Cow;
 
-use frames::{Azimuth, NotFinite};
+use frames::{Azimuth, Elevation, NoElevation, NotFinite, Viewpoint};
 use progress::{Cancelled, Observer, Share, Stage, Steps, Unreported};
-use sheet::{HoleDocument, Sheet};
+use sheet::{HoleDocument, Sheet, View};
 
 use crate::depth::{self, DepthError, ViewDepth};
+use crate::elevated::{self, ElevatedError, ElevatedView, Placed};
 use crate::fit;
 use crate::options::TurntableOptions;
 use crate::registration::{self, ViewRegistration};
-use crate::silhouette::{SilhouetteError, Silhouettes};
-use crate::solid::{self, HoleHint, Solid, SolidError, SolidInput, ViewDepthMap};
+use crate::silhouette::{Silhouette, SilhouetteError, Silhouettes};
+use crate::solid::{self, ElevatedInput, HoleHint, Solid, SolidError, SolidInput, ViewDepthMap};
 use crate::surface::projection::Rig;
-use crate::views::{ViewSet, ViewSetError};
+use crate::views::{MINIMUM_VIEWS, ViewSet, ViewSetError};
 
 /// What the method finds.
 pub struct Draft<'a> {
-    /// As registered, if asked for.
+    /// The level ones, as registered, if asked for.
     pub views: ViewSet<'a>,
-    /// Per view, in the order of `views`, as are all below.
+    /// Per view, in the order of `views`, as are the silhouettes and depths.
     pub registrations: Vec<ViewRegistration>,
     /// The subject's area in each view.
     pub silhouettes: Silhouettes,
     /// Each view's depth.
     pub depths: Vec<ViewDepth>,
+    /// Views from above and below.
+    pub elevated: Vec<ElevatedView<'a>>,
     /// The closed surface.
     pub solid: Solid,
+}
+
+/// One view of a draft, level or not.
+#[derive(Clone, Copy, Debug)]
+pub struct DraftView<'d> {
+    /// The drawing, as registered.
+    pub view: &'d View,
+    /// The subject's area in it.
+    pub silhouette: &'d Silhouette,
+    /// How it agrees with the others.
+    pub registration: &'d ViewRegistration,
+    /// The depth of each of its pixels.
+    pub depth: &'d ViewDepth,
+}
+
+impl DraftView<'_> {
+    /// Where its camera stands.
+    pub fn viewpoint(&self) -> Viewpoint {
+        self.view.viewpoint()
+    }
+}
+
+impl Draft<'_> {
+    /// All views: the level ones, then those from above and below.
+    pub fn all_views(&self) -> Vec<DraftView<'_>> {
+        let level = self.views.views().iter().zip(&self.silhouettes.silhouettes);
+        let level = level.zip(&self.registrations).zip(&self.depths).map(
+            |(((view, silhouette), registration), depth)| DraftView {
+                view: view.as_ref(),
+                silhouette,
+                registration,
+                depth,
+            },
+        );
+        let elevated = self.elevated.iter().map(|found| DraftView {
+            view: found.view.as_ref(),
+            silhouette: &found.silhouette,
+            registration: &found.registration,
+            depth: &found.depth,
+        });
+        level.chain(elevated).collect()
+    }
+
+    /// The cameras of [`all_views`](Self::all_views), in their order.
+    pub fn rig(&self) -> Rig {
+        let mut rig = Rig::of_views(&self.views);
+        rig.viewpoints.extend(self.elevated.iter().map(|found| found.view.viewpoint()));
+        rig
+    }
 }
 
 /// Why there is no draft.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum DraftError {
-    /// A camera that is not level.
+    /// Too few of the views are level.
     #[error(
-        "view {azimuth} is at elevation {elevation_deg} degrees; the method takes level views: leave it out"
+        "{found} of {all} views are level, {required} are required; add level ones, such as front and side"
     )]
-    Elevated {
-        /// The view.
-        azimuth: Azimuth,
-        /// Its camera's elevation, degrees.
-        elevation_deg: f64,
+    TooFewLevelViews {
+        /// Level views.
+        found: usize,
+        /// Of so many.
+        all: usize,
+        /// The fewest that are taken.
+        required: usize,
     },
     /// The views do not fit together.
     #[error(transparent)]
@@ -57,9 +111,21 @@ pub enum DraftError {
     /// A hole's azimuth is no angle.
     #[error(transparent)]
     Hole(#[from] NotFinite),
+    /// A hole's elevation is none.
+    #[error(transparent)]
+    HoleElevation(#[from] NoElevation),
     /// Somebody asked to stop.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
+}
+
+impl From<ElevatedError> for DraftError {
+    fn from(error: ElevatedError) -> Self {
+        match error {
+            ElevatedError::View(error) => Self::Views(error),
+            ElevatedError::Silhouette(error) => Self::Silhouette(error),
+        }
+    }
 }
 
 impl From<DepthError> for DraftError {
@@ -122,6 +188,12 @@ pub fn reconstruct<'a>(
     observer: &dyn Observer,
 ) -> Result<Draft<'a>, DraftError> {
     let (views, silhouettes, registrations) = registered(view_set(sheet)?, options)?;
+    let above: Vec<&View> =
+        sheet.views().iter().filter(|view| !view.viewpoint().is_level()).collect();
+    let hull =
+        if above.is_empty() { Vec::new() } else { solid::hull_points(&views, &silhouettes)? };
+    let placed = elevated::placed(&above, &views, &hull, &options.silhouette, options.register)?;
+    let cutting: Vec<ElevatedInput<'_>> = placed.iter().map(Placed::input).collect();
     let share = Share::new(observer, 0.0, SILHOUETTES);
     Steps::new(&share, Stage::Silhouettes, 1).done(1, "silhouettes")?;
     let share = Share::new(observer, SILHOUETTES, DEPTHS);
@@ -139,6 +211,7 @@ pub fn reconstruct<'a>(
         let input = SolidInput {
             views: &agreeing,
             silhouettes: &outlines,
+            elevated: &cutting,
             depth_maps: &depth_maps,
             hole_hints: &hole_hints,
         };
@@ -151,7 +224,8 @@ pub fn reconstruct<'a>(
     let (solid, registrations) = without_contradicting(solid, registrations, &again, &ious)?;
     let from = options.depth.from;
     let depths = depth::read_depth(&solid.mesh, &views, &silhouettes, estimates, from);
-    Ok(Draft { views, registrations, silhouettes, depths, solid })
+    let elevated = placed.into_iter().map(|view| view.seen(&solid, &views)).collect();
+    Ok(Draft { views, registrations, silhouettes, depths, elevated, solid })
 }
 
 /// A view that the draft, drawn again, fits worse than this contradicts others,
@@ -244,11 +318,13 @@ fn agreeing<'v, 'a>(
 }
 
 fn view_set(sheet: &Sheet) -> Result<ViewSet<'_>, DraftError> {
-    if let Some(view) = sheet.views().iter().find(|view| view.elevation_deg != 0.0) {
-        let (azimuth, elevation_deg) = (view.azimuth, view.elevation_deg);
-        return Err(DraftError::Elevated { azimuth, elevation_deg });
+    let all = sheet.views();
+    let level: Vec<_> = all.iter().filter(|view| view.viewpoint().is_level()).collect();
+    let (found, required) = (level.len(), MINIMUM_VIEWS);
+    if found < required && found < all.len() {
+        return Err(DraftError::TooFewLevelViews { found, all: all.len(), required });
     }
-    Ok(ViewSet::new(sheet.views().iter().map(Cow::Borrowed).collect())?)
+    Ok(ViewSet::new(level.into_iter().map(Cow::Borrowed).collect())?)
 }
 
 type Registered<'a> = (ViewSet<'a>, Silhouettes, Vec<ViewRegistration>);
@@ -270,10 +346,12 @@ fn registered<'a>(
     }
 }
 
-fn hole_hints(holes: &[HoleDocument]) -> Result<Vec<HoleHint>, NotFinite> {
+fn hole_hints(holes: &[HoleDocument]) -> Result<Vec<HoleHint>, DraftError> {
     let hint = |hole: &HoleDocument| {
         let azimuth = Azimuth::from_degrees(hole.azimuth_deg)?;
-        Ok(HoleHint { azimuth, x_px: hole.x, y_px: hole.y })
+        let elevation = Elevation::from_degrees(hole.elevation_deg.unwrap_or(0.0))?;
+        let viewpoint = Viewpoint { azimuth, elevation };
+        Ok(HoleHint { viewpoint, x_px: hole.x, y_px: hole.y })
     };
     holes.iter().map(hint).collect()
 }

@@ -7,7 +7,7 @@ use mesh::Mesh;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::draft::Draft;
+use crate::draft::{Draft, DraftView};
 use crate::ink::inked;
 use crate::silhouette::Silhouette;
 use crate::surface::projection::{DepthBuffer, Rig};
@@ -17,6 +17,8 @@ use crate::surface::projection::{DepthBuffer, Rig};
 pub struct ViewFit {
     /// The view's azimuth, degrees.
     pub azimuth_deg: f64,
+    /// Its elevation, degrees.
+    pub elevation_deg: f64,
     /// Intersection over union of the draft's silhouette with the drawing's, holes
     /// filled in both.
     pub silhouette_iou: f64,
@@ -54,6 +56,13 @@ const STEP: f64 = 0.02;
 const BEND_PX: f32 = 0.6;
 
 impl ViewFit {
+    fn name(&self) -> String {
+        match self.elevation_deg {
+            0.0 => self.azimuth_deg.to_string(),
+            raised => format!("{}_e{raised}", self.azimuth_deg),
+        }
+    }
+
     /// What to tell a person; `None` if the draft fits.
     pub fn warning(&self) -> Option<String> {
         if self.silhouette_iou >= MIN_IOU {
@@ -69,7 +78,7 @@ impl ViewFit {
         });
         Some(format!(
             "view {} disagrees with the draft, which drawn again covers {:.0} % of it{}",
-            self.azimuth_deg,
+            self.name(),
             self.silhouette_iou * 100.0,
             places.unwrap_or_default()
         ))
@@ -85,11 +94,12 @@ pub struct Redrawn {
     mask: GrayImage,
 }
 
-/// Draws the draft from each of its views and compares, in their order.
+/// Draws the draft from each of its views, level or not, and compares, in the order of
+/// [`Draft::all_views`].
 pub fn redraw(draft: &Draft<'_>) -> Vec<Redrawn> {
-    let rig = Rig::of_views(&draft.views);
-    let views: Vec<usize> = (0..draft.views.views().len()).collect();
-    views.par_iter().map(|&index| redrawn(draft, &rig, index)).collect()
+    let rig = draft.rig();
+    let views = draft.all_views();
+    views.par_iter().enumerate().map(|(index, view)| redrawn(draft, &rig, index, view)).collect()
 }
 
 /// How the silhouettes of `mesh` agree with those of each drawing, intersection
@@ -109,9 +119,8 @@ pub(crate) fn silhouette_ious(mesh: &Mesh, rig: &Rig, silhouettes: &[Silhouette]
     silhouettes.par_iter().enumerate().map(of_view).collect()
 }
 
-fn redrawn(draft: &Draft<'_>, rig: &Rig, index: usize) -> Redrawn {
-    let view = &draft.views.views()[index];
-    let drawn = shown(&draft.silhouettes.silhouettes[index]);
+fn redrawn(draft: &Draft<'_>, rig: &Rig, index: usize, view: &DraftView<'_>) -> Redrawn {
+    let drawn = shown(view.silhouette);
     let buffer = DepthBuffer::of_view(&draft.solid.mesh, rig, index, 1.0);
     let ours = mask_of(&buffer, drawn.dimensions());
     let height_px = rows_of(&drawn).max(1) as f64;
@@ -121,11 +130,12 @@ fn redrawn(draft: &Draft<'_>, rig: &Rig, index: usize) -> Redrawn {
     let distance_px = compared.as_ref().and_then(|found| found.mean_boundary_distance_px);
     let iou = compared.map_or(0.0, |found| found.iou);
     let fit = ViewFit {
-        azimuth_deg: view.azimuth.degrees(),
+        azimuth_deg: view.view.azimuth.degrees(),
+        elevation_deg: view.view.elevation.degrees(),
         silhouette_iou: iou,
         outline_distance_px: distance_px,
         outline_distance_share: distance_px.map(|px| px / height_px),
-        ink_explained: ink_explained(&view.image, &buffer, height_px),
+        ink_explained: ink_explained(&view.view.image, &buffer, height_px),
         disagreement: if iou < MIN_IOU { disagreement(&ours, &drawn) } else { None },
     };
     Redrawn { fit, mask: ours }
@@ -270,6 +280,7 @@ mod tests {
     fn a_fit_draft_gives_no_word() {
         let fit = |silhouette_iou| ViewFit {
             azimuth_deg: 45.0,
+            elevation_deg: 0.0,
             silhouette_iou,
             outline_distance_px: None,
             outline_distance_share: None,

@@ -6,7 +6,7 @@ use picture::ValueRange;
 use serde::Serialize;
 
 use crate::depth::{DepthSource, Fallback};
-use crate::draft::Draft;
+use crate::draft::{Draft, DraftView};
 use crate::export::DISPARITY_ANGLE_DEG;
 use crate::fit::{Redrawn, ViewFit};
 use crate::options::TurntableOptions;
@@ -35,6 +35,10 @@ pub struct Metrics {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 struct ViewMetrics {
     azimuth_deg: f64,
+    elevation_deg: f64,
+    /// How files and messages call it.
+    #[serde(skip)]
+    name: String,
     silhouette: SilhouetteMetrics,
     registration: ViewRegistration,
     /// Whether the drawing was moved as `registration` says.
@@ -73,11 +77,13 @@ struct MeshMetrics {
 
 /// Puts together what each stage says.
 pub fn measure(draft: &Draft<'_>, redrawn: &[Redrawn], options: &TurntableOptions) -> Metrics {
-    let silhouettes = draft.silhouettes.silhouettes.iter();
-    let views = silhouettes.zip(&draft.registrations).zip(&draft.depths);
-    let views: Vec<_> = views
-        .map(|((silhouette, registration), depth)| ViewMetrics {
-            azimuth_deg: depth.azimuth.degrees(),
+    let views: Vec<_> = draft
+        .all_views()
+        .into_iter()
+        .map(|DraftView { view, silhouette, registration, depth }| ViewMetrics {
+            azimuth_deg: view.azimuth.degrees(),
+            elevation_deg: view.elevation.degrees(),
+            name: view.viewpoint().to_string(),
             silhouette: SilhouetteMetrics {
                 source: silhouette.source(),
                 area_px: silhouette.area_px(),
@@ -120,20 +126,20 @@ fn mesh_metrics(mesh: &Mesh) -> MeshMetrics {
 fn warnings(views: &[ViewMetrics], fit: &[ViewFit], mesh: &MeshMetrics) -> Vec<String> {
     let mut warnings: Vec<String> = fit.iter().filter_map(ViewFit::warning).collect();
     for view in views {
-        let (azimuth, share) = (view.azimuth_deg, view.registration.consistency);
+        let (name, share) = (&view.name, view.registration.consistency);
         if view.registration.contradicts {
             warnings.push(format!(
-                "view {azimuth} contradicts the others, which agree better without it; it is left out of the solid; check its angle and drawing"
+                "view {name} contradicts the others, which agree better without it; it is left out of the solid; check its angle and drawing"
             ));
         } else if share < MIN_CONSISTENCY {
             warnings.push(format!(
-                "view {azimuth} fits its neighbours in {:.0} % of its rows; check its angle and drawing",
+                "view {name} fits its neighbours in {:.0} % of its rows; check its angle and drawing",
                 share * 100.0
             ));
         }
         if let Some(Fallback::TooFewLines { matched, required }) = view.depth.fallback {
             warnings.push(format!(
-                "view {azimuth}: {matched} line points matched to neighbours, {required} are required; its depth is the solid's"
+                "view {name}: {matched} line points matched to neighbours, {required} are required; its depth is the solid's"
             ));
         }
     }

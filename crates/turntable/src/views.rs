@@ -135,7 +135,8 @@ impl<'a> ViewSet<'a> {
     }
 }
 
-fn check_size(view: &View, expected: (u32, u32)) -> Result<(), ViewSetError> {
+/// Checks that a view has the size of the others.
+pub(crate) fn check_size(view: &View, expected: (u32, u32)) -> Result<(), ViewSetError> {
     let azimuth = view.azimuth;
     let found = view.image.dimensions();
     let range = 8..=MAX_SIDE_PX;

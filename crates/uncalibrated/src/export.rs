@@ -13,12 +13,12 @@ use crate::{PairResult, ViewResult, rectified_pair};
 /// [`EncodeError`] for a picture that cannot be written.
 pub fn view_files(view: &ViewResult) -> Result<Files, EncodeError> {
     match (&view.disparity, &view.depth) {
-        (Some(disparity), Some(depth)) => Files::of_maps(view.azimuth, disparity, depth),
+        (Some(disparity), Some(depth)) => Files::of_maps(view.azimuth.into(), disparity, depth),
         _ => {
             use ViewArtifact::{DepthPfm, DepthPng, DisparityPfm, DisparityPng};
             let mut files = Files::default();
             for artifact in [DisparityPng, DisparityPfm, DepthPng, DepthPfm] {
-                let name = ArtifactName::View(view.azimuth, artifact);
+                let name = ArtifactName::View(view.azimuth.into(), artifact);
                 files
                     .absent
                     .extend(Files::none(name, "none of the view's pairs was usable").absent);

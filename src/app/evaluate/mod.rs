@@ -23,7 +23,6 @@ use super::inputs;
 use crate::draft;
 use drawing::DrawOptions;
 use evaluation::ComparisonOptions;
-use frames::Azimuth;
 
 use compare::Evaluation;
 use corpus::Subject;
@@ -43,7 +42,8 @@ pub(super) struct EvaluateArgs {
     /// View sets to run, by name; all by default, none beside those of --view-set
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     sets: Vec<String>,
-    /// A view set of one's own, such as T5=0:180:45; repeatable
+    /// A view set of one's own, such as T5=0:180:45, or with views from above FST=0,90,0@90;
+    /// repeatable
     #[arg(long = "view-set", value_name = "NAME=AZIMUTHS")]
     view_sets: Vec<ViewSet>,
     /// Markdown tables with columns name, kind and solid: means are told by kind, and over
@@ -57,6 +57,9 @@ pub(super) struct EvaluateArgs {
     /// to the frame
     #[arg(long, value_name = "OPTION=VALUE")]
     draw: Vec<String>,
+    /// How much lower views from above and below are drawn than they say, degrees
+    #[arg(long, value_name = "DEGREES", default_value_t = 0.0, allow_hyphen_values = true)]
+    elevation_error: f64,
     /// Another run's folder: changes.md tells what got better and worse since
     #[arg(long, value_name = "DIR")]
     compare: Option<PathBuf>,
@@ -81,11 +84,20 @@ pub(super) fn run(args: &EvaluateArgs) -> Result<(), Failure> {
     let before = args.compare.as_deref().map(Evaluation::read).transpose();
     let before = before.map_err(Failure::Input)?;
     let subjects = chosen_subjects(args).map_err(Failure::Input)?;
-    let mut azimuths: Vec<Azimuth> = sets.iter().flat_map(|set| set.azimuths.0.clone()).collect();
-    azimuths.sort_unstable();
-    azimuths.dedup();
+    let mut viewpoints = Vec::new();
+    for view in sets.iter().flat_map(ViewSet::viewpoints) {
+        viewpoints.push(trial::drawn_from(view, args.elevation_error).map_err(Failure::Usage)?);
+    }
+    viewpoints.sort_unstable();
+    viewpoints.dedup();
     let limits = args.limits.image();
-    let setting = Setting { limits, draw: &draw, azimuths: &azimuths, comparison };
+    let setting = Setting {
+        limits,
+        draw: &draw,
+        viewpoints: &viewpoints,
+        elevation_error: args.elevation_error,
+        comparison,
+    };
     let variants = variants(args.ablation);
     let threads = inputs::threads(args.threads);
     let bar = progress_bar(subjects.len() * sets.len() * variants.len());

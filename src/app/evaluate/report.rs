@@ -30,7 +30,7 @@ pub(super) struct Report {
 #[derive(Serialize)]
 struct Run {
     set: String,
-    azimuths_deg: Vec<f64>,
+    views: Vec<String>,
     variant: &'static str,
     sheets: Vec<SheetTrial>,
 }
@@ -138,7 +138,7 @@ impl Report {
             Some(run) => run.sheets.push(trial),
             None => self.runs.push(Run {
                 set: set.name.clone(),
-                azimuths_deg: set.azimuths.0.iter().map(|azimuth| azimuth.degrees()).collect(),
+                views: set.viewpoints().iter().map(ToString::to_string).collect(),
                 variant: variant.name,
                 sheets: vec![trial],
             }),

@@ -2,14 +2,14 @@
 
 use std::str::FromStr;
 
-use frames::AzimuthList;
+use frames::{Elevation, Viewpoint, ViewpointList};
 use serde_json::{Value, json};
 
 /// Views that a studio might draw.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct ViewSet {
     pub name: String,
-    pub azimuths: AzimuthList,
+    pub views: ViewpointList,
     /// Whether the views see enough of the subject to judge the solid.
     pub judges_solid: bool,
     /// The view shown in the contact sheet of depth, degrees.
@@ -30,11 +30,18 @@ pub(super) fn usual_sets() -> Vec<ViewSet> {
     ];
     let set = |(name, azimuths): (&str, &str)| ViewSet {
         name: name.to_owned(),
-        azimuths: azimuths.parse().expect("the list is valid"),
+        views: azimuths.parse().expect("the list is valid"),
         judges_solid: name != "40:50:5",
         shown_deg: (name == "0:90:5").then_some(45.0),
     };
     named.map(set).into()
+}
+
+impl ViewSet {
+    /// Level but for views that say otherwise.
+    pub(super) fn viewpoints(&self) -> Vec<Viewpoint> {
+        self.views.at(Elevation::LEVEL)
+    }
 }
 
 /// A set of one's own: `NAME=AZIMUTHS`.
@@ -44,8 +51,8 @@ impl FromStr for ViewSet {
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         let (name, azimuths) =
             text.split_once('=').ok_or_else(|| format!("{text} is not NAME=AZIMUTHS"))?;
-        let (name, azimuths) = (name.trim().to_owned(), azimuths.parse()?);
-        Ok(Self { name, azimuths, judges_solid: true, shown_deg: None })
+        let (name, views) = (name.trim().to_owned(), azimuths.parse()?);
+        Ok(Self { name, views, judges_solid: true, shown_deg: None })
     }
 }
 
@@ -96,9 +103,9 @@ mod tests {
     #[test]
     fn sets_of_ones_own_are_read() {
         let set: ViewSet = "T5=0,45:180:45".parse().unwrap();
-        assert_eq!((set.name.as_str(), set.azimuths.0.len()), ("T5", 5));
+        assert_eq!((set.name.as_str(), set.viewpoints().len()), ("T5", 5));
         assert!("T5".parse::<ViewSet>().unwrap_err().contains("NAME=AZIMUTHS"));
         assert!("T5=north".parse::<ViewSet>().is_err());
-        assert_eq!(usual_sets().iter().map(|set| set.azimuths.0.len()).sum::<usize>(), 46);
+        assert_eq!(usual_sets().iter().map(|set| set.viewpoints().len()).sum::<usize>(), 46);
     }
 }

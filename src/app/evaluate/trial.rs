@@ -22,7 +22,7 @@ use evaluation::{
     ComparisonOptions, SolidComparison, SolidTruth, ViewReport, ViewTruth, compare_silhouettes,
     decode_truth, disparity_from_depth, evaluate_view, true_mask,
 };
-use frames::Azimuth;
+use frames::{Azimuth, Elevation, Viewpoint};
 use mesh::Mesh;
 use mesh::read::Model;
 use mesh::topology::{check_manifold, genus};
@@ -38,6 +38,7 @@ pub(super) struct TruthSheet {
     document: SheetDocument,
     files: Files,
     limits: ImageLimits,
+    elevation_error: f64,
     /// The true model in sheet pixels.
     solid: Option<(Mesh, SolidTruth)>,
 }
@@ -66,7 +67,9 @@ pub(super) struct Setting<'a> {
     /// Of models that are drawn first.
     pub draw: &'a DrawOptions,
     /// Views that they are drawn in.
-    pub azimuths: &'a [Azimuth],
+    pub viewpoints: &'a [Viewpoint],
+    /// How much lower views that are not level are drawn than they say, degrees.
+    pub elevation_error: f64,
     pub comparison: ComparisonOptions,
 }
 
@@ -121,7 +124,8 @@ impl TruthSheet {
         };
         let name = subject.name.clone();
         let solid = solid_truth(&files, &document, setting.comparison).context(name.clone())?;
-        Ok(Self { name, document, files, limits: setting.limits, solid })
+        let Setting { limits, elevation_error, .. } = *setting;
+        Ok(Self { name, document, files, limits, elevation_error, solid })
     }
 
     /// Whether the true model's surface closes; `None` without a model.
@@ -157,17 +161,26 @@ impl TruthSheet {
     }
 
     fn views(&self, set: &ViewSet) -> Result<Vec<ViewDocument>, String> {
-        let azimuths = &set.azimuths.0;
-        let found = azimuths.iter().map(|&wanted| {
-            let is_it =
-                |view: &&ViewDocument| Azimuth::from_degrees(view.azimuth_deg) == Ok(wanted);
-            self.document.views.iter().find(is_it).cloned()
+        let viewpoints = set.viewpoints();
+        let found = viewpoints.iter().map(|&wanted| {
+            let drawn = drawn_from(wanted, self.elevation_error).ok()?;
+            let mut view = self.view_at(drawn)?.clone();
+            view.elevation_deg = Some(wanted.elevation.degrees());
+            Some(view)
         });
         let found: Vec<_> = found.flatten().collect();
-        if found.len() == azimuths.len() {
+        if found.len() == viewpoints.len() {
             return Ok(found);
         }
-        Err(format!("has {} of the {} views", found.len(), azimuths.len()))
+        Err(format!("has {} of the {} views", found.len(), viewpoints.len()))
+    }
+
+    fn view_at(&self, viewpoint: Viewpoint) -> Option<&ViewDocument> {
+        self.document.views.iter().find(|view| {
+            let elevation_deg = view.elevation_deg.unwrap_or(self.document.elevation_deg);
+            Azimuth::from_degrees(view.azimuth_deg) == Ok(viewpoint.azimuth)
+                && Elevation::from_degrees(elevation_deg) == Ok(viewpoint.elevation)
+        })
     }
 
     fn measure(&self, set: &ViewSet, draft: &Draft<'_>, trial: &mut Trial) -> Result<()> {
@@ -188,8 +201,8 @@ impl TruthSheet {
         }
         let outlines = Outlines::of(mesh, draft)?;
         for depth in &draft.depths {
-            let Some(truth) = self.view_truth(depth.azimuth)? else { continue };
-            let mask = outlines.mask(depth.azimuth)?;
+            let Some(truth) = self.view_truth(depth.azimuth.into())? else { continue };
+            let mask = outlines.mask(depth.azimuth.into())?;
             let outline = compare_silhouettes(&mask, &true_mask(&truth))?;
             let ours = disparity_from_depth(&depth.map.depth_px);
             trial.views.push(ViewTrial {
@@ -218,9 +231,8 @@ impl TruthSheet {
         }
     }
 
-    fn view_truth(&self, azimuth: Azimuth) -> Result<Option<ViewTruth>> {
-        let mut views = self.document.views.iter();
-        let view = views.find(|view| Azimuth::from_degrees(view.azimuth_deg) == Ok(azimuth));
+    fn view_truth(&self, viewpoint: Viewpoint) -> Result<Option<ViewTruth>> {
+        let view = self.view_at(viewpoint);
         let Some((kind, name)) = view.and_then(ViewDocument::truth) else { return Ok(None) };
         let raw = self
             .files
@@ -238,6 +250,15 @@ impl Trial {
     }
 }
 
+/// Where a view is drawn from: level views as they say, others lower by `error_deg`.
+pub(super) fn drawn_from(view: Viewpoint, error_deg: f64) -> Result<Viewpoint> {
+    if view.is_level() {
+        return Ok(view);
+    }
+    let elevation = Elevation::from_degrees(view.elevation.degrees() - error_deg)?;
+    Ok(Viewpoint { elevation, ..view })
+}
+
 /// A model as a sheet of all views that are asked for, in memory.
 fn drawn(path: &Path, setting: &Setting<'_>) -> Result<(SheetDocument, Files)> {
     let model = PreparedModel::new(&draw::load(path, None)?)?;
@@ -249,7 +270,7 @@ fn drawn(path: &Path, setting: &Setting<'_>) -> Result<(SheetDocument, Files)> {
         Ok::<(), DrawError>(())
     };
     let limits = SheetLimits::default();
-    draw_sheet(&model, setting.azimuths, setting.draw, &limits, &Silent, &mut keep)?;
+    draw_sheet(&model, setting.viewpoints, setting.draw, &limits, &Silent, &mut keep)?;
     let document = files.get("sheet.json").context("the drawing has no sheet.json")?;
     Ok((serde_json::from_slice(document)?, Files::Drawn(files)))
 }
@@ -287,8 +308,8 @@ impl Outlines {
         Ok(Self { model, options })
     }
 
-    fn mask(&self, azimuth: Azimuth) -> Result<image::GrayImage> {
-        Ok(Drawer::new(&self.model, &self.options)?.truth_of_view(azimuth)?.mask)
+    fn mask(&self, viewpoint: Viewpoint) -> Result<image::GrayImage> {
+        Ok(Drawer::new(&self.model, &self.options)?.truth_of_view(viewpoint)?.mask)
     }
 }
 

@@ -52,14 +52,14 @@ problem_types! {
         "There are too many views",
         "The sheet has more views than one job takes. Leave some out.";
     TOO_FEW_VIEWS = UNPROCESSABLE_ENTITY "too-few-views",
-        "There are fewer views than the method takes",
-        "Add views, or choose a method that takes fewer.";
+        "There are fewer level views than the method takes",
+        "Add level views, or choose a method that takes fewer. Views from above and below do not count.";
     MISSING_PART = UNPROCESSABLE_ENTITY "missing-part",
         "A part is missing",
         "Send the drawings as parts view[AZIMUTH], or a part page with all of them, or a part sheet with the files it names, or a part source with the id of an earlier reconstruction. A sheet to be drawn needs a part model.";
     UNKNOWN_PART = UNPROCESSABLE_ENTITY "unknown-part",
         "A part is not known",
-        "Parts are view[AZIMUTH], mask[AZIMUTH], truth[AZIMUTH], truth, truth_model, sheet, image, mask, page, azimuths, options, source and single options by their dotted names; of a sheet to be drawn, model, azimuths, up_axis and options. A file in the sheet form must be named by the sheet document.";
+        "Parts are view[AZIMUTH] or view[AZIMUTH,ELEVATION], mask and truth likewise, truth, truth_model, sheet, image, mask, page, azimuths, options, source and single options by their dotted names; of a sheet to be drawn, model, azimuths, up_axis and options. A file in the sheet form must be named by the sheet document.";
     DUPLICATE_PART = UNPROCESSABLE_ENTITY "duplicate-part",
         "A part is given twice",
         "Give every part, every option and every file name once.";
@@ -73,11 +73,14 @@ problem_types! {
         "A file that is named by URL could not be fetched",
         "The URL must be https, of a host with a public address, and answer 200 with the file within ten seconds, without redirects. Or send the file itself.";
     DUPLICATE_AZIMUTH = UNPROCESSABLE_ENTITY "duplicate-azimuth",
-        "Two views have the same azimuth",
-        "Give each angle once. Angles a full turn apart are the same: 360 and 0, or -45 and 315.";
+        "Two views look along the same direction",
+        "Give each azimuth and elevation once. Azimuths a full turn apart are the same: 360 and 0, or -45 and 315. Straight from above or below, at elevation 90 or -90, all azimuths are: they only turn the picture.";
+    ELEVATED_VIEW = UNPROCESSABLE_ENTITY "elevated-view",
+        "A view is drawn from above or below, and the method takes level views",
+        "Leave the view out, or use the method turntable.";
     INVALID_ANGLE = UNPROCESSABLE_ENTITY "invalid-angle",
         "An angle is not a finite number of degrees",
-        "Write angles as decimal degrees, such as view[22.5].";
+        "Write angles as decimal degrees, such as view[22.5], or with an elevation from -90 to 90 view[22.5,30].";
     DIFFERING_SIZES = UNPROCESSABLE_ENTITY "differing-sizes",
         "The pictures' sizes differ",
         "The method takes views of one width and height, and a mask or a picture of true values has the size of its drawing. Pad or scale the pictures.";

@@ -14,10 +14,10 @@ use crate::draft;
 use crate::draft::options::{Method, Options};
 use crate::http::HttpLimits;
 use crate::http::problem::{
-    DIFFERING_SIZES, DUPLICATE_AZIMUTH, INVALID_ANGLE, INVALID_SHEET, INVALID_TRUTH, JOB_TOO_LARGE,
-    MISSING_PART, Problem, TOO_FEW_VIEWS, TOO_MANY_VIEWS,
+    DIFFERING_SIZES, DUPLICATE_AZIMUTH, ELEVATED_VIEW, INVALID_ANGLE, INVALID_SHEET, INVALID_TRUTH,
+    JOB_TOO_LARGE, MISSING_PART, Problem, TOO_FEW_VIEWS, TOO_MANY_VIEWS,
 };
-use frames::Azimuth;
+use frames::Viewpoint;
 use sheet::{
     PictureSize, PlacedView, SheetDocument, SheetProblem, SheetRequirements, ViewDocument,
 };
@@ -47,7 +47,7 @@ pub(super) struct Assembled {
     /// Everything but the views and the options.
     pub document: SheetDocument,
     pub options: Options,
-    /// By rising azimuth.
+    /// By rising azimuth and elevation.
     pub views: Vec<PicturedView>,
     /// The true model.
     pub model: Option<ModelFile>,
@@ -79,15 +79,16 @@ fn assemble_views(parts: &mut Parts, limits: &HttpLimits) -> Result<Assembled, P
     let options = parse_options(parts, None)?;
     let fields = TruthFields::parse(parts.truth.as_ref())?;
     let model = parts.truth_model.take().map(ModelFile::new).transpose()?;
-    let mut masks: BTreeMap<Azimuth, FilePart> = parts.masks.drain(..).collect();
-    let mut truths: BTreeMap<Azimuth, FilePart> = parts.truths.drain(..).collect();
-    let mut drawings: BTreeMap<Azimuth, FilePart> = parts.views.drain(..).collect();
+    let mut masks: BTreeMap<Viewpoint, FilePart> = parts.masks.drain(..).collect();
+    let mut truths: BTreeMap<Viewpoint, FilePart> = parts.truths.drain(..).collect();
+    let mut drawings: BTreeMap<Viewpoint, FilePart> = parts.views.drain(..).collect();
     let views = drawings
         .iter()
-        .map(|(azimuth, file)| ViewDocument {
+        .map(|(view, file)| ViewDocument {
             image: file.file.clone(),
-            azimuth_deg: azimuth.degrees(),
-            mask: masks.get(azimuth).map(|mask| mask.file.clone()),
+            azimuth_deg: view.azimuth.degrees(),
+            elevation_deg: Some(view.elevation.degrees()),
+            mask: masks.get(view).map(|mask| mask.file.clone()),
             ..ViewDocument::default()
         })
         .collect();
@@ -97,16 +98,16 @@ fn assemble_views(parts: &mut Parts, limits: &HttpLimits) -> Result<Assembled, P
     let placed = check(&document, options.method, limits, None)?;
     document.views.clear();
     let pictured = |view: PlacedView| {
-        let drawing = drawings.remove(&view.azimuth)?.into();
-        let mask = masks.remove(&view.azimuth).map(Picture::from);
-        let truth = truths.remove(&view.azimuth);
+        let drawing = drawings.remove(&view.viewpoint())?.into();
+        let mask = masks.remove(&view.viewpoint()).map(Picture::from);
+        let truth = truths.remove(&view.viewpoint());
         let truth = truth.map(|file| TruthPicture { kind: fields.kind, picture: file.into() });
         Some(PicturedView { view, drawing, mask, truth, given: ViewDocument::default() })
     };
     let views = placed.into_iter().filter_map(pictured).collect();
-    if let Some((azimuth, file)) = masks.into_iter().chain(truths).next() {
-        let detail =
-            format!("`{}` has no drawing; send `view[{azimuth}]` too, or leave it out", file.file);
+    if let Some((view, file)) = masks.into_iter().chain(truths).next() {
+        let part = view_part(view);
+        let detail = format!("`{}` has no drawing; send `{part}` too, or leave it out", file.file);
         return Err(Problem::new(MISSING_PART, detail).part(file.file));
     }
     Ok(Assembled { document, options, views, model })
@@ -170,15 +171,17 @@ fn requirements(method: Method, limits: &HttpLimits) -> SheetRequirements {
         min_views: method.minimum_views(),
         max_views: limits.max_views,
         equal_sizes: method.needs_equal_sizes(),
+        elevated: method.takes_elevated(),
     }
 }
 
 fn sheet_problem(error: &SheetProblem) -> Problem {
     let kind = match error {
-        SheetProblem::TooFewViews { .. } => TOO_FEW_VIEWS,
+        SheetProblem::TooFewViews { .. } | SheetProblem::TooFewLevelViews { .. } => TOO_FEW_VIEWS,
+        SheetProblem::ElevationUnsupported { .. } => ELEVATED_VIEW,
         SheetProblem::TooManyViews { .. } => TOO_MANY_VIEWS,
         SheetProblem::InvalidAngle { .. } => INVALID_ANGLE,
-        SheetProblem::DuplicateAzimuth { .. } => DUPLICATE_AZIMUTH,
+        SheetProblem::DuplicateView { .. } => DUPLICATE_AZIMUTH,
         SheetProblem::DifferingSizes { .. }
         | SheetProblem::MaskSize { .. }
         | SheetProblem::TruthSize { .. } => DIFFERING_SIZES,
@@ -229,19 +232,19 @@ impl Assembled {
         let mut inputs = Vec::new();
         for PicturedView { view, drawing, mask, truth, given } in views {
             let found = *next(&mut decoded)?;
-            let image = format!("views/{}.{}", view.azimuth, found.format.extension());
+            let viewpoint = view.viewpoint();
+            let image = format!("views/{viewpoint}.{}", found.format.extension());
             inputs.push((image.clone(), drawing.bytes));
-            drawings.push((view.azimuth, drawing.part, found.size));
+            drawings.push((viewpoint, drawing.part, found.size));
             let mut stored = view_document(&view, image, given);
             if let Some(mask) = mask {
-                let (name, bytes) =
-                    named_mask(view.azimuth, mask, found.size, next(&mut decoded)?)?;
+                let (name, bytes) = named_mask(viewpoint, mask, found.size, next(&mut decoded)?)?;
                 inputs.push((name.clone(), bytes));
                 stored.mask = Some(name);
             }
             if let Some(truth) = truth {
                 let checked = next(&mut truths)?;
-                let (name, bytes) = named_truth(view.azimuth, truth, found.size, checked)?;
+                let (name, bytes) = named_truth(viewpoint, truth, found.size, checked)?;
                 inputs.push((name.clone(), bytes));
                 stored.set_truth(Some((checked.kind, name)));
             }
@@ -249,7 +252,7 @@ impl Assembled {
         }
         inputs.extend(model.map(|model| model.store(&mut document)));
         check_sizes(&drawings, &requirements(options.method, limits))?;
-        let sizes: Vec<_> = drawings.iter().map(|(azimuth, _, size)| (*azimuth, *size)).collect();
+        let sizes: Vec<_> = drawings.iter().map(|(view, _, size)| (*view, *size)).collect();
         check_memory(&sizes, &options, limits)?;
         matches::check(&document.matches, &sizes, &options)?;
         describe(&mut document, &drawings, &options)?;
@@ -264,25 +267,25 @@ fn next<'d, T>(decoded: &mut std::slice::Iter<'d, T>) -> Result<&'d T, Problem> 
 }
 
 fn named_truth(
-    azimuth: Azimuth,
+    view: Viewpoint,
     truth: TruthPicture,
     drawing: PictureSize,
     found: &CheckedTruth,
 ) -> Result<(String, Bytes), Problem> {
-    sheet::check_truth_size(azimuth, drawing, found.size)
+    sheet::check_truth_size(view, drawing, found.size)
         .map_err(|error| sheet_problem(&error).part(truth.picture.part))?;
-    Ok((format!("truth/{azimuth}.{}", found.encoding.extension()), truth.picture.bytes))
+    Ok((format!("truth/{view}.{}", found.encoding.extension()), truth.picture.bytes))
 }
 
 fn named_mask(
-    azimuth: Azimuth,
+    view: Viewpoint,
     mask: Picture,
     drawing: PictureSize,
     found: &Decoded,
 ) -> Result<(String, Bytes), Problem> {
-    sheet::check_mask_size(azimuth, drawing, found.size)
+    sheet::check_mask_size(view, drawing, found.size)
         .map_err(|error| sheet_problem(&error).part(mask.part))?;
-    Ok((format!("masks/{azimuth}.{}", found.format.extension()), mask.bytes))
+    Ok((format!("masks/{view}.{}", found.format.extension()), mask.bytes))
 }
 
 /// What was said of a view by hand stays; its files have other names now.
@@ -290,7 +293,7 @@ fn view_document(view: &PlacedView, image: String, given: ViewDocument) -> ViewD
     ViewDocument {
         image,
         azimuth_deg: view.azimuth.degrees(),
-        elevation_deg: Some(view.elevation_deg),
+        elevation_deg: Some(view.elevation.degrees()),
         mask: None,
         depth: None,
         disparity: None,
@@ -298,9 +301,18 @@ fn view_document(view: &PlacedView, image: String, given: ViewDocument) -> ViewD
     }
 }
 
+/// The name of the part that a view's drawing comes in.
+fn view_part(view: Viewpoint) -> String {
+    if view.is_level() {
+        format!("view[{}]", view.azimuth)
+    } else {
+        format!("view[{},{}]", view.azimuth, view.elevation.degrees())
+    }
+}
+
 /// Refuses what could not run here, before it waits for a worker.
 pub(super) fn check_memory(
-    views: &[(Azimuth, PictureSize)],
+    views: &[(Viewpoint, PictureSize)],
     options: &Options,
     limits: &HttpLimits,
 ) -> Result<(), Problem> {
@@ -312,14 +324,14 @@ pub(super) fn check_memory(
 }
 
 fn check_sizes(
-    drawings: &[(Azimuth, String, PictureSize)],
+    drawings: &[(Viewpoint, String, PictureSize)],
     requirements: &SheetRequirements,
 ) -> Result<(), Problem> {
-    let sizes: Vec<_> = drawings.iter().map(|(azimuth, _, size)| (*azimuth, *size)).collect();
+    let sizes: Vec<_> = drawings.iter().map(|(view, _, size)| (*view, *size)).collect();
     sheet::check_sizes(&sizes, requirements).map_err(|error| {
         let problem = sheet_problem(&error);
-        let SheetProblem::DifferingSizes { azimuth, .. } = error else { return problem };
-        match drawings.iter().find(|(a, ..)| *a == azimuth) {
+        let SheetProblem::DifferingSizes { view, .. } = error else { return problem };
+        match drawings.iter().find(|(own, ..)| *own == view) {
             Some((_, part, _)) => problem.part(part),
             None => problem,
         }
@@ -330,7 +342,7 @@ fn check_sizes(
 /// size of the views where it is one for all.
 fn describe(
     document: &mut SheetDocument,
-    drawings: &[(Azimuth, String, PictureSize)],
+    drawings: &[(Viewpoint, String, PictureSize)],
     options: &Options,
 ) -> Result<(), Problem> {
     let first = drawings.first().map(|(.., size)| *size);

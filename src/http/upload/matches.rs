@@ -6,7 +6,7 @@ use super::document::Document;
 use crate::draft::options::Options;
 use crate::http::problem::{INVALID_SHEET, Problem};
 use crate::kinds::MATCHES_INPUT;
-use frames::Azimuth;
+use frames::{Azimuth, Viewpoint};
 use sheet::{PairMatchesDocument, PictureSize, SheetDocument};
 
 /// Reads the parts `matches`: each one pair's document, or a list of them.
@@ -30,13 +30,15 @@ pub(super) fn lay_over(own: &mut Vec<PairMatchesDocument>, given: Vec<PairMatche
     own.extend(given);
 }
 
-/// Holds all matches against the views they are for, given by rising azimuth.
+/// Holds all matches against the level views they are for, given by rising azimuth.
 pub(super) fn check(
     documents: &[PairMatchesDocument],
-    views: &[(Azimuth, PictureSize)],
+    views: &[(Viewpoint, PictureSize)],
     options: &Options,
 ) -> Result<(), Problem> {
-    sheet::check_matches(documents, views, options.max_pair_angle_deg)
+    let level = views.iter().filter(|(view, _)| view.is_level());
+    let level: Vec<_> = level.map(|(view, size)| (view.azimuth, *size)).collect();
+    sheet::check_matches(documents, &level, options.max_pair_angle_deg)
         .map(|_| ())
         .map_err(|error| Problem::new(INVALID_SHEET, error.to_string()).part("matches"))
 }

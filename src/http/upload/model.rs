@@ -17,11 +17,10 @@ use crate::http::problem::{
 use crate::http::{Api, HttpLimits};
 use crate::kinds::{DRAWING, DrawPayload, ModelFile, ModelSource};
 use drawing::{DrawError, DrawOptions, PreparedModel, SheetLimits, check_sheet};
-use frames::UpAxis;
 use mesh::builtin::ProceduralModel;
 use mesh::read::{Limits, ModelError, ModelFormat};
 
-use frames::{Azimuth, AzimuthList};
+use frames::{UpAxis, Viewpoint, ViewpointList};
 
 /// What a text that names a built-in model begins with, as on the command line.
 const BUILTIN: &str = "builtin:";
@@ -32,7 +31,7 @@ const DEFAULT_AZIMUTHS: &str = "0:90:5";
 #[derive(Debug, Default)]
 pub(crate) struct ModelForm {
     model: Option<Given>,
-    azimuths: Option<AzimuthList>,
+    azimuths: Option<ViewpointList>,
     up_axis: Option<UpAxis>,
     options: GivenOptions,
 }
@@ -82,7 +81,8 @@ impl JobForm for ModelForm {
             options::parse_set(&given).map_err(|problems| Problem::options(&problems))?;
         let azimuths = self.azimuths.map_or_else(|| azimuths(DEFAULT_AZIMUTHS), Ok)?;
         let (source, bytes) = model.place(self.up_axis);
-        let drawing = Drawing { source, bytes, azimuths: azimuths.0, options };
+        let viewpoints = azimuths.at(options.elevation());
+        let drawing = Drawing { source, bytes, viewpoints, options };
         let (model, sheet) = (api.limits.model, api.limits.sheet);
         api.decoders.run(move || drawing.checked(&model, &sheet)).await?
     }
@@ -104,7 +104,7 @@ struct Drawing {
     source: ModelSource,
     /// Of the file, if it is one.
     bytes: Bytes,
-    azimuths: Vec<Azimuth>,
+    viewpoints: Vec<Viewpoint>,
     options: DrawOptions,
 }
 
@@ -119,14 +119,13 @@ impl Drawing {
         };
         let prepared = PreparedModel::new(&built);
         prepared
-            .and_then(|model| check_sheet(&model, &self.azimuths, &self.options, sheet))
+            .and_then(|model| check_sheet(&model, &self.viewpoints, &self.options, sheet))
             .map_err(|error| draw_problem(&error))?;
         let inputs = match &self.source {
             ModelSource::Builtin(_) => Vec::new(),
             ModelSource::File(file) => vec![(file.input().to_owned(), self.bytes)],
         };
-        let azimuths_deg = self.azimuths.iter().map(|azimuth| azimuth.degrees()).collect();
-        let payload = DrawPayload { model: self.source, azimuths_deg, options: self.options };
+        let payload = DrawPayload::new(self.source, &self.viewpoints, self.options);
         Upload::new(DRAWING, &payload, Inputs::Uploaded(inputs))
     }
 }
@@ -168,9 +167,10 @@ fn builtin(text: &str) -> Result<ProceduralModel, Problem> {
     })
 }
 
-fn azimuths(text: &str) -> Result<AzimuthList, Problem> {
+fn azimuths(text: &str) -> Result<ViewpointList, Problem> {
     text.parse().map_err(|error| {
-        let detail = format!("{error}; write azimuths like 0:90:5,135,180");
+        let detail =
+            format!("{error}; write azimuths like 0:90:5,135,180, with an elevation like 0@90");
         Problem::new(INVALID_ANGLE, detail).part("azimuths")
     })
 }

@@ -11,7 +11,7 @@ use crate::http::problem::{
     TOO_MANY_VIEWS, WRONG_NUMBER_OF_FIGURES,
 };
 use ::page::{AnimationError, PageError, PageOptions, PageProposal};
-use frames::Azimuth;
+use frames::{Azimuth, Viewpoint};
 use progress::Silent;
 
 /// The parts `page` and `azimuths`.
@@ -35,7 +35,7 @@ impl PageParts {
         self,
         decoders: &Decoders,
         limits: &HttpLimits,
-    ) -> Result<Vec<(Azimuth, FilePart)>, Problem> {
+    ) -> Result<Vec<(Viewpoint, FilePart)>, Problem> {
         let Some(page) = self.page else {
             let detail = "`azimuths` is given without a `page` whose figures have them";
             return match self.azimuths {
@@ -53,14 +53,14 @@ fn cut(
     bytes: Bytes,
     azimuths: Option<&[Azimuth]>,
     limits: &HttpLimits,
-) -> Result<Vec<(Azimuth, FilePart)>, Problem> {
+) -> Result<Vec<(Viewpoint, FilePart)>, Problem> {
     let (pictures, proposals) = search(&[bytes], azimuths, limits)?;
     let mut views = Vec::new();
     for (picture, proposal) in pictures.iter().zip(&proposals) {
         for (index, figure) in proposal.figures.iter().enumerate() {
             let bytes = encoded(picture, proposal, index)?;
             let file = format!("page, view {}", figure.azimuth);
-            views.push((figure.azimuth, FilePart { file, bytes }));
+            views.push((figure.azimuth.into(), FilePart { file, bytes }));
         }
     }
     Ok(views)

@@ -19,7 +19,7 @@ use crate::http::problem::{
 };
 use crate::http::{Api, HttpLimits};
 use crate::kinds::{RECONSTRUCTION, ReconstructionPayload};
-use frames::Azimuth;
+use frames::{Azimuth, Elevation, Viewpoint};
 use mesh::read::ModelFormat;
 
 const MAX_PARTS: usize = 1024;
@@ -37,10 +37,10 @@ pub(crate) struct FilePart {
 /// Everything an upload holds, none of it checked against the rest.
 #[derive(Debug, Default)]
 pub(crate) struct Parts {
-    pub views: Vec<(Azimuth, FilePart)>,
-    pub masks: Vec<(Azimuth, FilePart)>,
+    pub views: Vec<(Viewpoint, FilePart)>,
+    pub masks: Vec<(Viewpoint, FilePart)>,
     /// Pictures of true values.
-    pub truths: Vec<(Azimuth, FilePart)>,
+    pub truths: Vec<(Viewpoint, FilePart)>,
     /// The true model, under its file's name.
     pub truth_model: Option<FilePart>,
     /// How true values are to be read.
@@ -50,20 +50,23 @@ pub(crate) struct Parts {
     pub sheet: Option<Document>,
     /// Matches of pairs, in any form of upload.
     pub matches: Vec<Document>,
-    /// Drawings whose azimuths come in parts of their own, in the same order.
+    /// Drawings whose angles come in parts of their own, in the same order.
     pub loose_views: Vec<FilePart>,
     pub loose_azimuths: Vec<Azimuth>,
+    /// None where all are level.
+    pub loose_elevations: Vec<Elevation>,
     pub given: GivenOptions,
     pub page: PageParts,
     pub source: Option<String>,
 }
 
 enum Kind {
-    View(Azimuth),
+    View(Viewpoint),
     LooseView,
     LooseAzimuths,
-    Mask(Azimuth),
-    Truth(Azimuth),
+    LooseElevations,
+    Mask(Viewpoint),
+    Truth(Viewpoint),
     TruthModel(String),
     TruthFields,
     /// A drawing or mask that a sheet document places.
@@ -103,10 +106,10 @@ impl Form for Parts {
     async fn read_one(&mut self, field: Field<'_>, limits: &HttpLimits) -> Result<(), Problem> {
         let name = part_name(&field)?;
         match kind(&name, field.file_name())? {
-            Kind::View(azimuth) => {
-                self.expect_new_view(azimuth, &name, limits)?;
+            Kind::View(view) => {
+                self.expect_new_view(view, &name, limits)?;
                 let picture = read_picture(field, name, limits).await?;
-                self.views.push((azimuth, picture));
+                self.views.push((view, picture));
             }
             Kind::LooseView => {
                 if self.loose_views.len() == limits.max_views {
@@ -122,17 +125,23 @@ impl Form for Parts {
                     self.loose_azimuths.push(parse_azimuth(angle, &name)?);
                 }
             }
-            Kind::Mask(azimuth) => {
-                expect_new(!self.masks.iter().any(|(a, _)| *a == azimuth), &name)?;
+            Kind::LooseElevations => {
+                let text = read_text(field, &name).await?;
+                for angle in text.trim_matches(['[', ']']).split(',') {
+                    self.loose_elevations.push(parse_elevation(angle, &name)?);
+                }
+            }
+            Kind::Mask(view) => {
+                expect_new(!self.masks.iter().any(|(own, _)| *own == view), &name)?;
                 self.expect_room(&name, limits)?;
                 let picture = read_picture(field, name, limits).await?;
-                self.masks.push((azimuth, picture));
+                self.masks.push((view, picture));
             }
-            Kind::Truth(azimuth) => {
-                expect_new(!self.truths.iter().any(|(a, _)| *a == azimuth), &name)?;
+            Kind::Truth(view) => {
+                expect_new(!self.truths.iter().any(|(own, _)| *own == view), &name)?;
                 self.expect_room(&name, limits)?;
                 let file = read_file(field, name, limits.image.max_bytes).await?;
-                self.truths.push((azimuth, file));
+                self.truths.push((view, file));
             }
             Kind::TruthModel(file) => {
                 expect_new(self.truth_model.is_none(), &name)?;
@@ -241,7 +250,7 @@ impl JobForm for Parts {
 }
 
 impl Parts {
-    /// Gives the parts `view` the azimuths of the parts `azimuth_deg`.
+    /// Gives the parts `view` the angles of the parts `azimuth_deg` and `elevation_deg`.
     fn place_loose_views(&mut self, limits: &HttpLimits) -> Result<(), Problem> {
         let (views, azimuths) = (self.loose_views.len(), self.loose_azimuths.len());
         if views != azimuths {
@@ -250,25 +259,48 @@ impl Parts {
             );
             return Err(Problem::new(MISSING_PART, detail).part("azimuth_deg"));
         }
+        let mut elevations = std::mem::take(&mut self.loose_elevations);
+        if !elevations.is_empty() && elevations.len() != views {
+            let detail = format!(
+                "there are {views} parts `view` and {} elevations in parts `elevation_deg`; send one for each, 0 for level views, or none",
+                elevations.len()
+            );
+            return Err(Problem::new(MISSING_PART, detail).part("elevation_deg"));
+        }
+        elevations.resize(views, Elevation::LEVEL);
         let views = std::mem::take(&mut self.loose_views);
-        for (azimuth, file) in std::mem::take(&mut self.loose_azimuths).into_iter().zip(views) {
-            self.expect_new_view(azimuth, &file.file, limits)?;
-            self.views.push((azimuth, file));
+        let azimuths = std::mem::take(&mut self.loose_azimuths);
+        for ((azimuth, elevation), file) in azimuths.into_iter().zip(elevations).zip(views) {
+            let view = Viewpoint { azimuth, elevation };
+            self.expect_new_view(view, &file.file, limits)?;
+            self.views.push((view, file));
         }
         Ok(())
     }
 
     fn expect_new_view(
         &self,
-        azimuth: Azimuth,
+        view: Viewpoint,
         part: &str,
         limits: &HttpLimits,
     ) -> Result<(), Problem> {
-        if let Some((_, earlier)) = self.views.iter().find(|(a, _)| *a == azimuth) {
-            let earlier = &earlier.file;
-            let detail = format!(
-                "`{part}` and `{earlier}` are both at azimuth {azimuth}; give each angle once (360 and 0 are the same)"
-            );
+        if let Some((_, earlier)) = self.views.iter().find(|(own, _)| own.looks_like(view)) {
+            let (earlier, azimuth) = (&earlier.file, view.azimuth);
+            let detail = if view.elevation.is_vertical() {
+                format!(
+                    "`{part}` and `{earlier}` are both straight from above or below, where the azimuth only turns the picture; give one of them"
+                )
+            } else {
+                let elevation = view.elevation.degrees();
+                let raised = if view.is_level() {
+                    String::new()
+                } else {
+                    format!(", elevation {elevation}")
+                };
+                format!(
+                    "`{part}` and `{earlier}` are both at azimuth {azimuth}{raised}; give each angle once (360 and 0 are the same)"
+                )
+            };
             return Err(Problem::new(DUPLICATE_AZIMUTH, detail).part(part));
         }
         if self.views.len() == limits.max_views {
@@ -364,17 +396,18 @@ pub(super) fn part_name(field: &Field<'_>) -> Result<String, Problem> {
 fn kind(name: &str, file_name: Option<&str>) -> Result<Kind, Problem> {
     let bracketed = |prefix| name.strip_prefix(prefix)?.strip_suffix(']');
     if let Some(angle) = bracketed("view[") {
-        return parse_azimuth(angle, name).map(Kind::View);
+        return parse_viewpoint(angle, name).map(Kind::View);
     }
     if let Some(angle) = bracketed("mask[") {
-        return parse_azimuth(angle, name).map(Kind::Mask);
+        return parse_viewpoint(angle, name).map(Kind::Mask);
     }
     if let Some(angle) = bracketed("truth[") {
-        return parse_azimuth(angle, name).map(Kind::Truth);
+        return parse_viewpoint(angle, name).map(Kind::Truth);
     }
     match (name, file_name) {
         ("view", Some(_)) => Ok(Kind::LooseView),
         ("azimuth_deg", None) => Ok(Kind::LooseAzimuths),
+        ("elevation_deg", None) => Ok(Kind::LooseElevations),
         ("sheet", _) => Ok(Kind::Sheet),
         ("truth", Some(file)) if !file.is_empty() => Ok(Kind::File(file.to_owned())),
         ("truth", _) => Ok(Kind::TruthFields),
@@ -409,6 +442,27 @@ pub(super) fn unknown_part(name: &str) -> Problem {
 
 pub(super) fn is_option_name(name: &str) -> bool {
     name.bytes().all(|b| b.is_ascii_alphanumeric() || matches!(b, b'_' | b'.'))
+}
+
+/// An azimuth, or an azimuth and an elevation: `45`, `45,30`.
+fn parse_viewpoint(text: &str, part: &str) -> Result<Viewpoint, Problem> {
+    match text.split_once(',') {
+        None => Ok(parse_azimuth(text, part)?.into()),
+        Some((azimuth, elevation)) => Ok(Viewpoint {
+            azimuth: parse_azimuth(azimuth, part)?,
+            elevation: parse_elevation(elevation, part)?,
+        }),
+    }
+}
+
+fn parse_elevation(text: &str, part: &str) -> Result<Elevation, Problem> {
+    let elevation = text.trim().parse::<f64>().ok().and_then(|e| Elevation::from_degrees(e).ok());
+    elevation.ok_or_else(|| {
+        let detail = format!(
+            "`{text}` is no elevation from -90 to 90 degrees; write it like `view[22.5,30]`, 90 being straight from above"
+        );
+        Problem::new(INVALID_ANGLE, detail).part(part)
+    })
 }
 
 fn parse_azimuth(text: &str, part: &str) -> Result<Azimuth, Problem> {

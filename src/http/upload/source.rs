@@ -14,10 +14,10 @@ use crate::http::access::Caller;
 use crate::http::drawn_pages::PageContent;
 use crate::http::problem::{DIFFERING_SIZES, Problem, UNKNOWN_SOURCE, WRONG_NUMBER_OF_FIGURES};
 use crate::kinds::{MATCHES_INPUT, RECONSTRUCTION, ReconstructionPayload};
-use frames::Azimuth;
+use frames::{Azimuth, Elevation, Viewpoint};
 use jobs::bytes::{ByteError, Key};
 use jobs::{JobId, StoreError};
-use sheet::{PictureSize, SheetDocument};
+use sheet::{PictureSize, SheetDocument, ViewDocument};
 
 /// The document of a job that runs again on the views of `source`: its options
 /// with the given ones laid over them.
@@ -140,14 +140,20 @@ async fn completed(
     api.decoders.run(laid_over).await?
 }
 
-/// The views of a stored document, by rising azimuth, with their one size.
-fn sizes(document: &SheetDocument) -> Vec<(Azimuth, PictureSize)> {
+/// The views of a stored document, by rising azimuth and elevation, with their one size.
+fn sizes(document: &SheetDocument) -> Vec<(Viewpoint, PictureSize)> {
     let size = PictureSize {
         width: document.width.unwrap_or_default(),
         height: document.height.unwrap_or_default(),
     };
-    let azimuths = document.views.iter().map(|view| Azimuth::from_degrees(view.azimuth_deg));
-    azimuths.filter_map(Result::ok).map(|azimuth| (azimuth, size)).collect()
+    let viewpoint = |view: &ViewDocument| {
+        let elevation_deg = view.elevation_deg.unwrap_or(document.elevation_deg);
+        Some(Viewpoint {
+            azimuth: Azimuth::from_degrees(view.azimuth_deg).ok()?,
+            elevation: Elevation::from_degrees(elevation_deg).ok()?,
+        })
+    };
+    document.views.iter().filter_map(viewpoint).map(|view| (view, size)).collect()
 }
 
 /// The stored files that a document names.

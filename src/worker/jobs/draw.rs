@@ -14,7 +14,6 @@ use crate::kinds::{DRAWING, DrawPayload, ModelSource};
 use crate::worker::{Attempt, Work, WorkError};
 use artifacts::Delivery;
 use drawing::{DrawError, PreparedModel, SheetLimits, draw_sheet};
-use frames::Azimuth;
 use mesh::read::{Limits, Model, ModelError};
 
 /// Draws a sheet of the job's model.
@@ -35,8 +34,7 @@ impl Work for Draw {
         let unreadable = |error: &dyn Display| WorkError::Broken(format!("payload: {error}"));
         let payload =
             DrawPayload::deserialize(&attempt.job().payload).map_err(|error| unreadable(&error))?;
-        let azimuths = payload.azimuths_deg.iter().map(|&degrees| Azimuth::from_degrees(degrees));
-        let azimuths: Vec<_> = azimuths.collect::<Result<_, _>>().map_err(|e| unreadable(&e))?;
+        let viewpoints = payload.viewpoints().ok_or_else(|| unreadable(&"an angle is none"))?;
         let model = PreparedModel::new(&self.load(&payload.model, attempt)?)?;
         let pool = ThreadPoolBuilder::new().num_threads(attempt.threads().max(1)).build();
         let pool = pool.map_err(|error| WorkError::Troubled(error.to_string()))?;
@@ -50,7 +48,7 @@ impl Work for Draw {
             let drawn = pool.install(|| {
                 draw_sheet(
                     &model,
-                    &azimuths,
+                    &viewpoints,
                     &payload.options,
                     &self.sheet,
                     &Watch(attempt),

@@ -2,6 +2,7 @@
 
 mod access;
 mod artifacts;
+mod elevated;
 mod faults;
 pub(crate) mod harness;
 mod links;

@@ -87,8 +87,8 @@ async fn a_sheet_document_places_its_files() {
         "name": "cube", "width": 960, "height": 540, "pixels_per_unit": 131.5,
         "elevation_deg": 5,
         "views": [
-            {"image": "front.png", "azimuth_deg": 0, "depth": "depth_000.png"},
-            {"image": "drawings/side.png", "azimuth_deg": 90, "elevation_deg": -2.5, "mask": "side_mask.png"},
+            {"image": "front.png", "azimuth_deg": 0, "elevation_deg": 0, "depth": "depth_000.png"},
+            {"image": "drawings/side.png", "azimuth_deg": 90, "elevation_deg": 0, "mask": "side_mask.png"},
             {"image": "quarter.png", "azimuth_deg": 22.5},
         ],
         "truth": {"model": "model.obj"},
@@ -114,14 +114,14 @@ async fn a_sheet_document_places_its_files() {
     assert_eq!(
         views,
         [
-            ("views/0.png", 0.0, Some(5.0), None),
-            ("views/22.5.png", 22.5, Some(5.0), None),
-            ("views/90.png", 90.0, Some(-2.5), Some("masks/90.png")),
+            ("views/0.png", 0.0, Some(0.0), None),
+            ("views/22.5_e5.png", 22.5, Some(5.0), None),
+            ("views/90.png", 90.0, Some(0.0), Some("masks/90.png")),
         ]
     );
     let options = document.options.unwrap();
     assert_eq!((&options["seed"], &options["cloud"]["stride_px"]), (&json!(8), &json!(4)));
-    let stored = service.stored_inputs(id, &["views/22.5.png", "masks/90.png"]).await;
+    let stored = service.stored_inputs(id, &["views/22.5_e5.png", "masks/90.png"]).await;
     assert_eq!(stored, [drawing(32, 24, 2), drawing(32, 24, 3)]);
 }
 

@@ -192,8 +192,10 @@ fn unzipped(bytes: &[u8]) -> Files {
 /// What the command line writes into its folder.
 fn drawn_here(azimuths_deg: &[f64]) -> Files {
     let model = PreparedModel::new(&ProceduralModel::Dude.build()).unwrap();
-    let azimuths: Vec<_> =
-        azimuths_deg.iter().map(|&degrees| Azimuth::from_degrees(degrees).unwrap()).collect();
+    let azimuths: Vec<_> = azimuths_deg
+        .iter()
+        .map(|&degrees| Azimuth::from_degrees(degrees).unwrap().into())
+        .collect();
     let options = DrawOptions { width_px: 96, height_px: 54, ..DrawOptions::default() };
     let mut files = Files::new();
     let mut keep = |file: artifacts::Artifact| -> Result<(), DrawError> {
@@ -211,6 +213,7 @@ async fn what_only_drawing_can_tell_fails_with_a_reason() {
     let payload = DrawPayload {
         model: ModelSource::Builtin(ProceduralModel::Cube),
         azimuths_deg: vec![0.0],
+        elevations_deg: Vec::new(),
         options: DrawOptions { distance: 0.5, ..DrawOptions::default() },
     };
     let id = JobId::new();

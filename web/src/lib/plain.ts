@@ -20,8 +20,10 @@ export function gradeOf(silhouetteIou: number): Grade {
   return silhouetteIou >= 0.88 ? "fair" : "poor";
 }
 
+/** Of the level views, which the page shows beside the draft. */
 export function fitsOf(job: Reconstruction): ViewFit[] {
-  return (job.summary?.fit ?? []).map((fit) => {
+  const level = (job.summary?.fit ?? []).filter((fit) => !fit.elevation_deg);
+  return level.map((fit) => {
     const grade = gradeOf(fit.silhouette_iou);
     const values = {
       azimuth: azimuthName(fit.azimuth_deg),

@@ -64,13 +64,13 @@ proptest! {
         let Ok(prepared) = PreparedModel::new(&model) else { return Ok(()) };
         let placed = prepared.placed(&options);
         let Ok(drawer) = Drawer::new(&placed, &options) else { return Ok(()) };
-        let view = drawer.draw_view(azimuth(degrees)).unwrap();
+        let view = drawer.draw_view(options.viewpoint(azimuth(degrees))).unwrap();
         for (depth, mask) in view.truth.depth.pixels().zip(view.truth.mask.pixels()) {
             prop_assert_eq!(depth.0[0].is_finite(), mask.0[0] == 255);
         }
         let mut points = view.strokes.iter().flat_map(|stroke| &stroke.points);
         prop_assert!(points.all(|p| p.x.is_finite() && p.y.is_finite()));
-        let again = drawer.draw_view(azimuth(degrees)).unwrap();
+        let again = drawer.draw_view(options.viewpoint(azimuth(degrees))).unwrap();
         prop_assert_eq!(again.image, view.image);
     }
 }

@@ -41,7 +41,7 @@ proptest! {
         };
         let prepared = PreparedModel::new(&model).unwrap();
         let options = DrawOptions::default();
-        let camera = Camera::new(azimuth(degrees), &options);
+        let camera = Camera::new(azimuth(degrees).into(), &options);
         let viewed = features::ViewedModel::new(&prepared, &camera);
         let tree = prepared.triangle_tree();
         let visibility = visibility::Visibility::new(&viewed, &tree);

@@ -11,7 +11,7 @@ use nalgebra::{Point2, Point3, Vector3};
 use proptest::prelude::*;
 
 use super::*;
-use frames::Azimuth;
+use frames::{Azimuth, Viewpoint};
 use mesh::Mesh;
 use mesh::builtin::{cuboid, torus, uv_sphere};
 use mesh::read::Model;
@@ -22,7 +22,7 @@ fn azimuth(degrees: f64) -> Azimuth {
 
 fn draw(model: &Model, degrees: f64, options: &DrawOptions) -> DrawnView {
     let prepared = PreparedModel::new(model).unwrap();
-    Drawer::new(&prepared, options).unwrap().draw_view(azimuth(degrees)).unwrap()
+    Drawer::new(&prepared, options).unwrap().draw_view(options.viewpoint(azimuth(degrees))).unwrap()
 }
 
 fn exact(model: &Model, degrees: f64) -> DrawnView {

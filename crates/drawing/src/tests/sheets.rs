@@ -41,7 +41,8 @@ fn sheet(
         files.push(file);
         Ok(())
     };
-    draw_sheet(model, azimuths, options, &SheetLimits::default(), observer, &mut keep)?;
+    let viewpoints: Vec<_> = azimuths.iter().map(|&azimuth| options.viewpoint(azimuth)).collect();
+    draw_sheet(model, &viewpoints, options, &SheetLimits::default(), observer, &mut keep)?;
     Ok(files)
 }
 
@@ -52,7 +53,7 @@ fn a_fitted_model_fills_the_frame_without_leaving_it() {
         let options = DrawOptions { fit: true, elevation_deg, ..small() };
         let azimuths = [0.0, 37.0, 90.0].map(azimuth);
         let files = sheet(&model, &azimuths, &options, &Silent).unwrap();
-        let mask = files.iter().find(|file| file.name == "mask_000.png").unwrap();
+        let mask = files.iter().find(|file| file.name.starts_with("mask_000")).unwrap();
         let mask = image::load_from_memory(&mask.bytes).unwrap().into_luma8();
         let covered: Vec<_> = mask.enumerate_pixels().filter(|p| p.2.0[0] > 0).collect();
         assert!(covered.iter().all(|(x, y, _)| (1..191).contains(x) && (1..107).contains(y)));
@@ -124,7 +125,7 @@ fn drawing_stops_when_cancelled_and_refuses_bad_lists() {
     assert_eq!(cancelled, Err(DrawError::Cancelled(Cancelled)));
     assert_eq!(draw(&[], &Silent), Err(DrawError::NoViews));
     let twice = draw(&[azimuth(0.0), azimuth(360.0)], &Silent);
-    assert_eq!(twice, Err(DrawError::DuplicateView { azimuth_deg: 0.0 }));
+    assert_eq!(twice, Err(DrawError::DuplicateView { view: azimuth(0.0).into() }));
 }
 
 #[test]
@@ -163,11 +164,51 @@ fn options_have_ranges_and_refuse_unknown_names() {
 }
 
 #[test]
+fn views_from_above_and_below_fit_and_are_named() {
+    let model = PreparedModel::new(&cuboid([9.0, 2.0, 1.0])).unwrap();
+    let options = DrawOptions { fit: true, ..small() };
+    let list: frames::ViewpointList = "0,90,0@90,90@-90,45@-30".parse().unwrap();
+    let viewpoints = list.at(options.elevation());
+    let mut files = Vec::new();
+    let mut keep = |file| -> Result<(), DrawError> {
+        files.push(file);
+        Ok(())
+    };
+    draw_sheet(&model, &viewpoints, &options, &SheetLimits::default(), &Silent, &mut keep).unwrap();
+    let find = |name: &str| files.iter().find(|file| file.name == name).unwrap();
+    let size = |name: &str| {
+        let mask = image::load_from_memory(&find(name).bytes).unwrap().into_luma8();
+        let covered: Vec<_> = mask.enumerate_pixels().filter(|p| p.2.0[0] > 0).collect();
+        assert!(covered.iter().all(|(x, y, _)| (1..191).contains(x) && (1..107).contains(y)));
+        let extent = |values: &dyn Fn(&(u32, u32, &image::Luma<u8>)) -> u32| {
+            let (low, high) = covered
+                .iter()
+                .map(values)
+                .fold((u32::MAX, 0), |(low, high), v| (low.min(v), high.max(v)));
+            f64::from(high - low + 1)
+        };
+        [extent(&|p| p.0), extent(&|p| p.1)]
+    };
+    // Wide and deep from above; its picture turned by a quarter at azimuth 90.
+    let [front, top, below] = ["mask_000.png", "mask_000_e90.png", "mask_090_e-90.png"].map(size);
+    assert!((top[0] - front[0]).abs() <= 1.0 && (top[1] * 4.5 - top[0]).abs() <= 5.0, "{top:?}");
+    assert!((below[0] - top[1]).abs() <= 1.0 && (below[1] - top[0]).abs() <= 1.0, "{below:?}");
+    let document: Value = serde_json::from_slice(&find("sheet.json").bytes).unwrap();
+    let view = |index: usize| &document["views"][index];
+    assert_eq!(view(1)["elevation_deg"], 90.0);
+    assert_eq!(view(1)["image"], "view_000_e90.png");
+    assert_eq!(view(0)["elevation_deg"], Value::Null);
+    let twice = [viewpoints[1], Viewpoint { azimuth: azimuth(45.0), ..viewpoints[1] }];
+    let refused = check_sheet(&model, &twice, &options, &SheetLimits::default());
+    assert!(matches!(refused, Err(DrawError::DuplicateView { .. })), "{refused:?}");
+}
+
+#[test]
 fn limits_are_checked_before_anything_is_drawn() {
     let model = PreparedModel::new(&cuboid([1.0; 3])).unwrap();
     let limits = SheetLimits { max_views: 3, max_pixels: 50_000, max_view_samples: 100_000 };
     let check = |views: u32, options: &DrawOptions| {
-        let azimuths: Vec<_> = (0..views).map(|view| azimuth(f64::from(view))).collect();
+        let azimuths: Vec<_> = (0..views).map(|view| azimuth(f64::from(view)).into()).collect();
         check_sheet(&model, &azimuths, options, &limits)
     };
     assert_eq!(check(2, &small()), Ok(()));
@@ -197,7 +238,7 @@ fn no_flood_from_the_border_gets_into_a_drawing() {
         let options = small();
         let drawer = Drawer::new(&prepared, &options).unwrap();
         for degrees in [0.0, 22.5, 45.0, 90.0, 180.0, 270.0] {
-            let view = drawer.draw_view(azimuth(degrees)).unwrap();
+            let view = drawer.draw_view(azimuth(degrees).into()).unwrap();
             let inside = enclosed(&view.image.to_luma8());
             let lost =
                 view.truth.mask.iter().zip(&inside).filter(|(mask, is)| **mask != 0 && !**is);

@@ -63,8 +63,8 @@ fn disparity_leads_to_the_same_point_in_the_neighbouring_view() {
         let options = DrawOptions { elevation_deg, ..small() };
         let model = uv_sphere(1.5, 48, 64);
         let view = draw(&model, 20.0, &options);
-        let disparity = disparity_towards(&view.truth.depth, &view.camera, &options, 10.0);
-        let next = Camera::new(azimuth(30.0), &options);
+        let disparity = disparity_towards(&view.truth.depth, &view, &options, 10.0);
+        let next = Camera::new(options.viewpoint(azimuth(30.0)), &options);
         let mut checked = 0;
         for (column, row, depth) in
             view.truth.depth.enumerate_pixels().filter(|p| p.2.0[0].is_finite())

@@ -73,7 +73,7 @@ fn drawn(name: &str, model: &Model) -> Option<Subject> {
     let drawer = Drawer::new(&fitted, &DrawOptions { fit: false, ..options }).ok()?;
     let view = |k: usize| {
         let azimuth = Azimuth::from_degrees(k as f64 * STEP_DEG).ok()?;
-        let view = drawer.draw_view(azimuth).ok()?;
+        let view = drawer.draw_view(azimuth.into()).ok()?;
         let ink = view.image.to_luma8();
         let bounds = bounds_of(&ink, &view.truth.mask)?;
         let [x, y, w, h] = bounds;

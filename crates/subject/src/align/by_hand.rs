@@ -53,7 +53,7 @@ pub fn place_by_hand(alignment: &mut Alignment, views: &[View<'_>], hands: &[ByH
 
 /// Makes room for figures that reach beyond the canvas; the axis stays in its middle.
 fn grow(alignment: &mut Alignment, views: &[View<'_>]) {
-    let canvas = &mut alignment.canvas;
+    let canvas = alignment.canvas;
     let (width, height) = (f64::from(canvas.width), f64::from(canvas.height));
     let (mut half, mut above, mut below) = (0.0_f64, 0.0_f64, 0.0_f64);
     for (found, view) in alignment.views.iter().zip(views) {
@@ -68,13 +68,24 @@ fn grow(alignment: &mut Alignment, views: &[View<'_>]) {
     let aside = within(half - width / 2.0, (MAX_GROWTH - 1.0) * (width / 2.0).floor());
     let above = within(above, (MAX_GROWTH - 1.0) * height);
     let below = within(below, (MAX_GROWTH - 1.0) * height - above);
-    for found in &mut alignment.views {
-        found.transform.dx += aside;
-        found.transform.dy += above;
-    }
     // Whole numbers of at most twice the size.
-    canvas.width += 2 * aside as u32;
-    canvas.height += (above + below) as u32;
-    canvas.axis_x += aside;
-    canvas.rows = canvas.rows.map(|row| row + above);
+    alignment.grow(aside as u32, above as u32, below as u32);
+}
+
+impl Alignment {
+    /// Makes the canvas larger by so many columns on both sides and so many rows; what is on it
+    /// stays where it is.
+    pub fn grow(&mut self, aside_px: u32, above_px: u32, below_px: u32) {
+        let (aside, above) = (f64::from(aside_px), f64::from(above_px));
+        for found in &mut self.views {
+            found.transform.dx += aside;
+            found.transform.dy += above;
+        }
+        let canvas = &mut self.canvas;
+        canvas.width += 2 * aside_px;
+        canvas.height += above_px + below_px;
+        canvas.axis_x += aside;
+        canvas.rows = canvas.rows.map(|row| row + above);
+        self.changes |= aside_px + above_px + below_px > 0;
+    }
 }

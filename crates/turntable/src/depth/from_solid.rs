@@ -68,6 +68,25 @@ pub fn read(
     estimates.into_par_iter().enumerate().filter_map(of_view).collect()
 }
 
+/// The depth of a view from above or below: what the solid shows it.
+///
+/// * `rig`: of that view alone.
+pub(crate) fn of_elevated(surface: &Mesh, rig: &Rig, mask: &GrayImage) -> ViewDepth {
+    let depth_px = seen(surface, rig, 0, mask);
+    let level = |depth: &Luma<f32>| {
+        if depth.0[0].is_nan() { Confidence::Outside } else { Confidence::Guessed }
+    };
+    let confidence = depth_px.pixels().map(|depth| level(depth) as u8).collect();
+    let confidence = GrayImage::from_raw(mask.width(), mask.height(), confidence);
+    ViewDepth {
+        azimuth: rig.viewpoints[0].azimuth,
+        map: DepthMap { depth_px, confidence: confidence.unwrap_or_default() },
+        matched_share: 0.0,
+        source: DepthSource::Solid,
+        fallback: None,
+    }
+}
+
 /// Whether enough outlines look along directions far enough apart; opposite
 /// views look along one.
 fn bounds_well(azimuths_deg: &[f64]) -> bool {

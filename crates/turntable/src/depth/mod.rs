@@ -22,6 +22,7 @@ mod triples;
 pub use estimate::{
     DepthError, DepthOptions, DepthSource, Fallback, LineEstimate, ViewDepth, estimate,
 };
+pub(crate) use from_solid::of_elevated as depth_of_elevated;
 pub use from_solid::read as read_depth;
 pub use normals::normals_from_depth;
 

@@ -7,7 +7,7 @@ use gltf::json::{Accessor, Index};
 use mesh::Mesh;
 use mesh::shading::{CREASE_ANGLE_DEG, ShadedMesh, shaded};
 use mesh::write::glb::{GlbWriter, carved, matte, triangle_primitive, unlit};
-use nalgebra::Point3;
+use nalgebra::Vector3;
 use picture::{EncodeError, png};
 use serde_json::json;
 use sheet::View;
@@ -67,7 +67,7 @@ pub(super) fn textured_glb(
     attributes.push((Semantic::TexCoords(0), coordinates));
     let triangles = file.triangles(&textured.mesh.triangles);
     model_node(&mut file, vec![triangle_primitive(attributes, triangles, material)], drawn)?;
-    for view in (0..drawn.rig.azimuths.len()).filter(|_| reference_planes) {
+    for view in (0..drawn.rig.viewpoints.len()).filter(|_| reference_planes) {
         reference_plane(&mut file, view, drawn)?;
     }
     file.finish()
@@ -136,11 +136,14 @@ fn model_node(
     primitives: Vec<Primitive>,
     drawn: &Drawn<'_>,
 ) -> Result<(), EncodeError> {
-    let azimuths: Vec<f64> = drawn.rig.azimuths.iter().map(|azimuth| azimuth.degrees()).collect();
+    let viewpoints = || drawn.rig.viewpoints.iter();
+    let azimuths: Vec<f64> = viewpoints().map(|view| view.azimuth.degrees()).collect();
+    let elevations: Vec<f64> = viewpoints().map(|view| view.elevation.degrees()).collect();
     let extras = json!({
         "turnaround": {
             "version": env!("CARGO_PKG_VERSION"),
             "azimuths_deg": azimuths,
+            "elevations_deg": elevations,
             "pixels_per_metre": drawn.placement.pixels_per_metre(),
         },
     });
@@ -162,20 +165,14 @@ fn reference_plane(
     drawn: &Drawn<'_>,
 ) -> Result<(), EncodeError> {
     let rig = drawn.rig;
-    let name = format!("view_{}", rig.azimuths[view].padded());
+    let name = format!("view_{}", rig.viewpoints[view].padded());
     let texture = file.png_texture(&name, &drawing_png(drawn.drawings[view])?);
     let material = file.material(unlit(&name, Some(texture)));
     let (width, height) = (f64::from(rig.width), f64::from(rig.height));
-    let (sine, cosine) = rig.azimuths[view].radians().sin_cos();
     let depth = width.max(height) / 2.0;
     let corners = [(0.0, height), (width, height), (width, 0.0), (0.0, 0.0)];
     let positions = corners.map(|(column, row)| {
-        let right = column - rig.axis_px;
-        let point = Point3::new(
-            right * cosine - depth * sine,
-            right * sine + depth * cosine,
-            rig.origin_row_px - row,
-        );
+        let point = rig.unproject(view, &Vector3::new(column, row, depth));
         drawn.placement.gltf_from_turntable(&point)
     });
     let coordinates = [[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]];
@@ -184,7 +181,7 @@ fn reference_plane(
         (Semantic::TexCoords(0), file.texture_coordinates(&coordinates)),
     ];
     let triangles = file.triangles(&[[0, 1, 2], [0, 2, 3]]);
-    let name = format!("ref_{}", rig.azimuths[view].padded());
+    let name = format!("ref_{}", rig.viewpoints[view].padded());
     file.node(&name, vec![triangle_primitive(attributes, triangles, material)], NO_EXTRAS)
 }
 
@@ -202,6 +199,7 @@ fn colour(support: Support) -> [u8; 4] {
 mod tests {
     use super::*;
     use frames::{Azimuth, ExportOptions};
+    use nalgebra::Point3;
 
     fn pyramid() -> Mesh {
         let positions = [(0.0, -8.0, -5.0), (6.0, 4.0, -5.0), (-6.0, 4.0, -5.0), (0.0, 0.0, 13.0)];
@@ -213,7 +211,9 @@ mod tests {
 
     fn rig() -> Rig {
         Rig {
-            azimuths: [0.0, 22.5].map(|degrees| Azimuth::from_degrees(degrees).unwrap()).to_vec(),
+            viewpoints: [0.0, 22.5]
+                .map(|degrees| Azimuth::from_degrees(degrees).unwrap().into())
+                .to_vec(),
             width: 40,
             height: 32,
             axis_px: 20.0,

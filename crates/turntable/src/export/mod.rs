@@ -4,15 +4,14 @@ mod glb;
 mod obj;
 
 use artifacts::{Artifact, ArtifactName, Files, ViewArtifact};
-use frames::{FileAxes, Placement};
+use frames::{Elevation, FileAxes, Placement};
 use mesh::thumbnail;
 use mesh::write::{stl, three_mf};
 use picture::{EncodeError, FloatImage, normals_png, png, silhouette_png};
 
 use crate::depth::normals_from_depth;
-use crate::draft::Draft;
+use crate::draft::{Draft, DraftView};
 use crate::fit::Redrawn;
-use crate::surface::projection::Rig;
 use crate::texture::texture;
 use glb::{Drawn, no_triangles, relief_glb, solid_glb, textured_glb};
 use obj::quad_obj;
@@ -23,36 +22,39 @@ const MM_PER_METRE: f32 = 1000.0;
 /// Neighbouring depths that differ by more are different surfaces, px.
 const MAX_NORMAL_STEP_PX: f32 = 4.0;
 
-/// The maps of the draft's view at `index`.
+/// The maps of one of the draft's views.
 ///
 /// * `redrawn`: of that view.
 ///
 /// # Errors
 /// [`EncodeError`] for a picture that cannot be written.
-pub fn view_files(
-    draft: &Draft<'_>,
-    redrawn: &Redrawn,
-    index: usize,
-) -> Result<Files, EncodeError> {
-    let (view, silhouette) = (&draft.depths[index], &draft.silhouettes.silhouettes[index]);
-    let name = |artifact| ArtifactName::View(view.azimuth, artifact);
-    let mut files =
-        Files::of_maps(view.azimuth, &disparity(&view.map.depth_px), &view.map.depth_px)?;
-    let normals = normals_png(&normals_from_depth(&view.map.depth_px, MAX_NORMAL_STEP_PX))?;
+pub fn view_files(view: &DraftView<'_>, redrawn: &Redrawn) -> Result<Files, EncodeError> {
+    let depth_px = &view.depth.map.depth_px;
+    let name = |artifact| ArtifactName::View(view.viewpoint(), artifact);
+    let disparity = disparity(depth_px, view.view.elevation);
+    let mut files = Files::of_maps(view.viewpoint(), &disparity, depth_px)?;
+    let normals = normals_png(&normals_from_depth(depth_px, MAX_NORMAL_STEP_PX))?;
     files.artifacts.push(Artifact::new(name(ViewArtifact::NormalsPng), normals));
-    let mask = silhouette_png(silhouette.mask())?;
+    let mask = silhouette_png(view.silhouette.mask())?;
     files.artifacts.push(Artifact::new(name(ViewArtifact::SilhouettePng), mask));
-    let fit = png(&redrawn.over(&draft.views.views()[index].image))?;
+    let fit = png(&redrawn.over(&view.view.image))?;
     files.artifacts.push(Artifact::new(name(ViewArtifact::FitPng), fit));
     Ok(files)
 }
 
 /// How far points lie from where the axis plane's would, towards the view
-/// 5 degrees on, px: near is large.
-fn disparity(depth_px: &FloatImage) -> FloatImage {
+/// 5 degrees on, px: near is large. Of views from above or below, to the side.
+fn disparity(depth_px: &FloatImage, elevation: Elevation) -> FloatImage {
     let sine = DISPARITY_ANGLE_DEG.to_radians().sin() as f32;
+    let (rise, level) = elevation.sin_cos();
+    let origin_row = f64::from(depth_px.height()) / 2.0;
     let mut disparity = depth_px.clone();
-    disparity.iter_mut().for_each(|value| *value *= -sine);
+    for (_, y, value) in disparity.enumerate_pixels_mut() {
+        // What is horizontal of the depth; all of it in a level view.
+        let up = origin_row - f64::from(y) - 0.5;
+        let behind = value.0[0] * level as f32 + (up * rise) as f32;
+        value.0[0] = -sine * behind;
+    }
     disparity
 }
 
@@ -79,10 +81,10 @@ pub fn model_files(
     reference_planes: bool,
 ) -> Result<Files, EncodeError> {
     let solid = &draft.solid;
-    let rig = Rig::of_views(&draft.views);
+    let rig = draft.rig();
     let drawn = Drawn {
         rig: &rig,
-        drawings: draft.views.views().iter().map(|view| &**view).collect(),
+        drawings: draft.all_views().iter().map(|found| found.view).collect(),
         placement,
     };
     let textured = texture(draft).ok_or_else(no_triangles)?;

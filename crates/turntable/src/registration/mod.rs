@@ -128,7 +128,21 @@ pub fn corrected<'a>(views: &ViewSet<'a>, found: &[ViewRegistration]) -> Option<
     if !found.iter().any(ViewRegistration::corrects) {
         return None;
     }
-    let (axis, origin) = (views.axis_px(), views.origin_row_px());
+    let place = (views.axis_px(), views.origin_row_px());
+    let moved = |(view, found): (&Cow<'a, View>, &ViewRegistration)| {
+        if found.corrects() { Cow::Owned(moved_view(view, found, place)) } else { view.clone() }
+    };
+    ViewSet::new(views.views().par_iter().zip(found).map(moved).collect()).ok()
+}
+
+/// A view with its correction undone.
+///
+/// * `axis`, `origin`: the turning axis' column and the origin's row, px.
+pub(crate) fn moved_view(
+    view: &View,
+    found: &ViewRegistration,
+    (axis, origin): (f64, f64),
+) -> View {
     let resample = |image: &GrayImage, found: &ViewRegistration, paper: f64| {
         GrayImage::from_fn(image.width(), image.height(), |x, y| {
             let u = (f64::from(x) + 0.5 - axis) * found.scale + axis + found.shift_x_px;
@@ -136,20 +150,14 @@ pub fn corrected<'a>(views: &ViewSet<'a>, found: &[ViewRegistration]) -> Option<
             Luma([bilinear(image, u - 0.5, v - 0.5, paper).round() as u8])
         })
     };
-    let moved = |(view, found): (&Cow<'a, View>, &ViewRegistration)| {
-        if !found.corrects() {
-            return view.clone();
-        }
-        Cow::Owned(View {
-            azimuth: view.azimuth,
-            elevation_deg: view.elevation_deg,
-            image: resample(&view.image, found, f64::from(view.image.get_pixel(0, 0).0[0])),
-            mask: view.mask.as_ref().map(|mask| resample(mask, found, 0.0)),
-            mask_was_found: view.mask_was_found,
-            color: view.color.as_ref().map(|color| moved_color(color, found, (axis, origin))),
-        })
-    };
-    ViewSet::new(views.views().par_iter().zip(found).map(moved).collect()).ok()
+    View {
+        azimuth: view.azimuth,
+        elevation: view.elevation,
+        image: resample(&view.image, found, f64::from(view.image.get_pixel(0, 0).0[0])),
+        mask: view.mask.as_ref().map(|mask| resample(mask, found, 0.0)),
+        mask_was_found: view.mask_was_found,
+        color: view.color.as_ref().map(|color| moved_color(color, found, (axis, origin))),
+    }
 }
 
 /// The nearest colours; white beyond the image.

@@ -5,6 +5,7 @@ mod boxiness;
 mod branches;
 mod carving;
 mod crease;
+mod cuts;
 mod fusion;
 mod holes;
 mod learned;
@@ -37,6 +38,8 @@ use crate::surface::{clusters, decimate, quad_mesh};
 use crate::views::ViewSet;
 use carving::CarvingView;
 use crease::Slice;
+use cuts::{Bounds, Cut};
+pub use cuts::{CutReport, ElevatedInput};
 use frames::Azimuth;
 pub use holes::{Hole, HoleHint};
 use mesh::shading::{CREASE_ANGLE_DEG, crease_edges};
@@ -64,6 +67,8 @@ pub struct SolidInput<'a> {
     pub views: &'a ViewSet<'a>,
     /// Those of `views`, in their order.
     pub silhouettes: &'a Silhouettes,
+    /// Views from above and below, which cut it; may be none.
+    pub elevated: &'a [ElevatedInput<'a>],
     /// Of some of the views, or none.
     pub depth_maps: &'a [ViewDepthMap<'a>],
     /// Points that somebody marked as holes; may be empty.
@@ -220,9 +225,12 @@ fn full_mesh(
     steps.done(1, "views")?;
     let lattice = lattice_of(sheet, &directions, options)?;
     report.pitch_px = lattice.pitch_px;
+    let rig = Rig::of_views(input.views);
+    let cuts = input.elevated.iter().map(|view| Cut::new(view, &rig, input.hole_hints));
+    let cuts: Vec<Cut> = cuts.collect();
     if options.kind == SolidKind::Voxel {
         steps.done(4, "field")?;
-        let occupancy = voxel::carve(&lattice, &directions, sheet.origin_row_px);
+        let occupancy = voxel::carve(&lattice, &directions, sheet.origin_row_px, &cuts);
         let mesh = marching_cubes(&lattice, &occupancy);
         report.full_faces = mesh.triangles.len();
         return Ok(mesh);
@@ -247,24 +255,26 @@ fn full_mesh(
         fuse(&mut field, &slices, &directions, &views);
     }
     steps.done(4, "field")?;
+    let bounds = Bounds::new(cuts, &lattice, &slices, &directions, &mut report.cuts);
+    let surface = |field: &Field| match &bounds {
+        None => surface_of(field, options),
+        Some(bounds) => surface_of(&bounds.applied(field), options),
+    };
     let without = || match options.kind {
-        SolidKind::Creased => {
-            surface_of(&smoothing::smoothed(&field, &slices, &directions), options)
-        }
-        _ => surface_of(&field, options),
+        SolidKind::Creased => surface(&smoothing::smoothed(&field, &slices, &directions)),
+        _ => surface(&field),
     };
     let asks = options.prior != Switch::Off && options.kind == SolidKind::Creased;
     let (mesh, full_faces) = if asks {
         let has_depth = report.carving_views > 0;
         let logits = learned::logits(sheet, input.views, observer)?;
         let blended = learned::blend(&field, &slices, &directions, &logits, has_depth, &drawn);
-        let with = surface_of(&blended, options);
+        let with = surface(&blended);
         if options.prior == Switch::On {
             report.prior = Some(PriorReport { used: true, without: None, with: None });
             with
         } else {
             let without = without();
-            let rig = Rig::of_views(input.views);
             let explained = |mesh: &Mesh| redraw::explained(mesh, &rig, sheet, input.silhouettes);
             let scores = (explained(&without.0), explained(&with.0));
             let drawn_corners = report.sharp_corners as f64 / report.corners.max(1) as f64;
@@ -291,19 +301,56 @@ fn surface_of(field: &Field, options: &SolidOptions) -> (Mesh, usize) {
 }
 
 fn support_of(mesh: &Mesh, input: &SolidInput, sheet: &SolidSheet) -> Vec<Support> {
-    let silhouettes = input.silhouettes.silhouettes.iter().enumerate();
-    let witnesses: Vec<Witness> = silhouettes
-        .map(|(drawing, silhouette)| Witness {
-            silhouette,
-            near_ink: sheet.near_ink(drawing),
-            depth_px: input
-                .depth_maps
-                .iter()
-                .find(|map| map.azimuth == silhouette.azimuth())
-                .map(|found| &found.map.depth_px),
-        })
+    let above: Vec<Vec<bool>> = input
+        .elevated
+        .iter()
+        .map(|view| solid_views::near_ink(view.image, view.silhouette))
         .collect();
-    vertex_support(mesh, &Rig::of_views(input.views), &witnesses)
+    let silhouettes = input.silhouettes.silhouettes.iter().enumerate();
+    let level = silhouettes.map(|(drawing, silhouette)| Witness {
+        silhouette,
+        near_ink: sheet.near_ink(drawing),
+        depth_px: input
+            .depth_maps
+            .iter()
+            .find(|map| map.azimuth == silhouette.azimuth())
+            .map(|found| &found.map.depth_px),
+    });
+    let elevated = input.elevated.iter().zip(&above).map(|(view, near_ink)| Witness {
+        silhouette: view.silhouette,
+        near_ink,
+        depth_px: None,
+    });
+    let witnesses: Vec<Witness> = level.chain(elevated).collect();
+    let mut rig = Rig::of_views(input.views);
+    rig.viewpoints.extend(input.elevated.iter().map(|view| view.viewpoint));
+    vertex_support(mesh, &rig, &witnesses)
+}
+
+/// Points around the visual hull of level views: the corners of its sections, turntable frame, px.
+///
+/// # Errors
+/// [`SolidError::TooFewDirections`] for views along one line.
+pub(crate) fn hull_points(
+    views: &ViewSet,
+    silhouettes: &Silhouettes,
+) -> Result<Vec<Point3<f64>>, SolidError> {
+    let outlines = silhouettes.silhouettes.iter();
+    let outlines = outlines.map(|found| Outline::from_silhouette(found, views.axis_px()));
+    let directions = solid_views::distinct(outlines);
+    if directions.len() < 2 {
+        return Err(SolidError::TooFewDirections { found: directions.len(), required: 2 });
+    }
+    let half_px = half_extent_px(&directions);
+    let mut points = Vec::new();
+    for row in 0..views.height() as usize {
+        let rows: Vec<_> = directions.iter().map(|outline| outline.row(row)).collect();
+        let z = views.origin_row_px() - row as f64 - 0.5;
+        for section in section::sections_of_row(&directions, &rows, half_px) {
+            points.extend(section.corners.iter().map(|corner| Point3::new(corner.x, corner.y, z)));
+        }
+    }
+    Ok(points)
 }
 
 /// The lattice that holds all that is inside every silhouette.

@@ -83,7 +83,7 @@ pub(super) fn explained(
 ) -> Explained {
     use rayon::prelude::*;
     let longest = mesh.bounds().map_or(1.0, |(low, high)| (high - low).max()) as f32;
-    let counts: Vec<[usize; 7]> = (0..rig.azimuths.len())
+    let counts: Vec<[usize; 7]> = (0..rig.viewpoints.len())
         .into_par_iter()
         .map(|view| {
             let buffer = DepthBuffer::of_view(mesh, rig, view, SCALE);

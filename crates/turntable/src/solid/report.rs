@@ -4,6 +4,7 @@ use mesh::{Mesh, components};
 use prior::PriorError;
 use progress::Cancelled;
 
+use super::cuts::CutReport;
 use super::holes::Hole;
 use super::redraw::Explained;
 use super::symmetry::MirrorPlane;
@@ -36,6 +37,8 @@ pub struct SolidReport {
     /// Regions that may be holes, but would leave lines or outlines of other
     /// views without anything behind them.
     pub hole_candidates: Vec<Hole>,
+    /// What came of views from above and below.
+    pub cuts: Vec<CutReport>,
     /// Views, drawn or mirrored, whose depths carved the solid.
     pub carving_views: usize,
     /// Slices through the solid and the distance between them, px.

@@ -4,9 +4,10 @@ use super::crease::InkEvidence;
 use super::outline::Outline;
 use super::symmetry::{Drawing, MirrorPlane};
 use crate::ink;
-use crate::silhouette::Silhouettes;
+use crate::silhouette::{Silhouette, Silhouettes};
 use crate::views::ViewSet;
 use frames::Azimuth;
+use image::GrayImage;
 
 /// One view, drawn or mirrored.
 #[derive(Clone, Debug)]
@@ -47,11 +48,7 @@ impl SolidSheet {
         let near_ink = ink
             .par_iter()
             .zip(&silhouettes.silhouettes)
-            .map(|(ink, silhouette)| {
-                let mut closed = ink.clone();
-                silhouette.bridges().iter().for_each(|&index| closed[index] = true);
-                grown(&closed, width, 2, 1)
-            })
+            .map(|(ink, silhouette)| near(ink, silhouette, width))
             .collect();
         let outlines = silhouettes.silhouettes.par_iter();
         let solid_views = outlines.enumerate().map(|(drawing, silhouette)| SolidView {
@@ -134,13 +131,30 @@ impl SolidSheet {
 
 /// One outline per direction: the first of those that look along one line.
 pub(super) fn directions_of<'a>(views: impl IntoIterator<Item = &'a SolidView>) -> Vec<Outline> {
+    distinct(views.into_iter().map(|view| view.outline.clone()))
+}
+
+/// The first of those outlines that look along one line.
+pub(super) fn distinct(outlines: impl Iterator<Item = Outline>) -> Vec<Outline> {
     let mut directions: Vec<Outline> = Vec::new();
-    for view in views {
-        if !directions.iter().any(|other| other.is_parallel_to(&view.outline)) {
-            directions.push(view.outline.clone());
+    for outline in outlines {
+        if !directions.iter().any(|other| other.is_parallel_to(&outline)) {
+            directions.push(outline);
         }
     }
     directions
+}
+
+/// Per pixel of a drawing, whether there is ink within two columns and one row, gaps in lines being
+/// closed.
+pub(super) fn near_ink(image: &GrayImage, silhouette: &Silhouette) -> Vec<bool> {
+    near(&ink::inked(image), silhouette, image.width() as usize)
+}
+
+fn near(ink: &[bool], silhouette: &Silhouette, width: usize) -> Vec<bool> {
+    let mut closed = ink.to_vec();
+    silhouette.bridges().iter().for_each(|&index| closed[index] = true);
+    grown(&closed, width, 2, 1)
 }
 
 /// `bits` dilated by `columns` and `rows` to each side.

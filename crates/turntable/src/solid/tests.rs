@@ -110,6 +110,7 @@ fn build_with(
     let input = SolidInput {
         views: &views,
         silhouettes: &silhouettes,
+        elevated: &[],
         depth_maps: &depth_maps,
         hole_hints: &[],
     };
@@ -174,8 +175,13 @@ fn paint(image: &mut GrayImage, inside: impl Fn(f64, f64) -> bool) {
 fn built_from(views: Vec<View>, options: &SolidOptions) -> Solid {
     let views = ViewSet::of_owned(views).unwrap();
     let silhouettes = Silhouettes::of_views(&views, &SilhouetteOptions::default()).unwrap();
-    let input =
-        SolidInput { views: &views, silhouettes: &silhouettes, depth_maps: &[], hole_hints: &[] };
+    let input = SolidInput {
+        views: &views,
+        silhouettes: &silhouettes,
+        elevated: &[],
+        depth_maps: &[],
+        hole_hints: &[],
+    };
     let solid = build(&input, options, &Silent).unwrap();
     assert_eq!(check_manifold(&solid.mesh), Ok(()));
     solid
@@ -407,8 +413,13 @@ fn says_why_there_is_no_solid() {
     );
     let views = ViewSet::of_owned(vec![draw(&block, 0.0), draw(&block, 90.0)]).unwrap();
     let silhouettes = Silhouettes::of_views(&views, &SilhouetteOptions::default()).unwrap();
-    let input =
-        SolidInput { views: &views, silhouettes: &silhouettes, depth_maps: &[], hole_hints: &[] };
+    let input = SolidInput {
+        views: &views,
+        silhouettes: &silhouettes,
+        elevated: &[],
+        depth_maps: &[],
+        hole_hints: &[],
+    };
     let log = StopAfterCreases(Mutex::default());
     let error = build(&input, &options, &log).unwrap_err();
     assert_eq!(error, SolidError::Cancelled(Cancelled));

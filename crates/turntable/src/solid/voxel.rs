@@ -1,8 +1,10 @@
 //! The dissertation's alternative: an octree carved by the outlines.
 
+use super::cuts::Cut;
 use super::outline::Outline;
 use crate::surface::field::Lattice;
 use crate::surface::occupancy::Occupancy;
+use nalgebra::Point3;
 
 /// How many pixels of an outline lie in any rectangle (Crow 1984).
 struct AreaTable {
@@ -65,8 +67,14 @@ enum Coverage {
 /// inside all stay, others are divided down to single nodes, which stay if
 /// their centre is inside every outline.
 ///
-/// Returns the nodes that stay. `outlines` are one per direction.
-pub(super) fn carve(lattice: &Lattice, outlines: &[Outline], origin_row_px: f64) -> Occupancy {
+/// Returns the nodes that stay. `outlines` are one per direction; of those inside all, only nodes
+/// inside all `cuts` stay.
+pub(super) fn carve(
+    lattice: &Lattice,
+    outlines: &[Outline],
+    origin_row_px: f64,
+    cuts: &[Cut],
+) -> Occupancy {
     let tables: Vec<AreaTable> = outlines.iter().filter_map(AreaTable::new).collect();
     let mut kept = Occupancy::empty(lattice.nodes);
     if tables.len() < outlines.len() {
@@ -81,7 +89,7 @@ pub(super) fn carve(lattice: &Lattice, outlines: &[Outline], origin_row_px: f64)
         let coverage = octant_coverage(lattice, &tables, origin_row_px, first, side);
         match coverage {
             Coverage::Outside => {}
-            Coverage::Inside => fill(&mut kept, first, side),
+            Coverage::Inside => fill(&mut kept, first, side, lattice, cuts),
             Coverage::Mixed if side == 1 => {}
             Coverage::Mixed => {
                 let half = side / 2;
@@ -122,13 +130,19 @@ fn octant_coverage(
     worst
 }
 
-fn fill(kept: &mut Occupancy, first: [usize; 3], side: usize) {
+fn fill(kept: &mut Occupancy, first: [usize; 3], side: usize, lattice: &Lattice, cuts: &[Cut]) {
     let nodes = kept.nodes();
+    let inside = |i, j, k| {
+        let point = Point3::new(lattice.x(i), lattice.y(j), lattice.z(k));
+        cuts.iter().all(|cut| cut.distance()(&point) > 0.0)
+    };
     let end: [usize; 3] = std::array::from_fn(|axis| (first[axis] + side).min(nodes[axis]));
     for k in first[2]..end[2] {
         for j in first[1]..end[1] {
             for i in first[0]..end[0] {
-                kept.set([i + 1, j + 1, k + 1]);
+                if inside(i, j, k) {
+                    kept.set([i + 1, j + 1, k + 1]);
+                }
             }
         }
     }

@@ -3,17 +3,17 @@
 use nalgebra::{Point3, Vector3};
 
 use crate::views::ViewSet;
-use frames::Azimuth;
+use frames::Viewpoint;
 use mesh::Mesh;
 use mesh::raster::SampleBuffer;
 use mesh::shading::face_normal;
 use mesh::topology::HalfEdges;
 
-/// The drawings as a camera rig: all of one size, level, orthographic.
+/// The drawings as a camera rig: all of one size, orthographic.
 #[derive(Clone, Debug)]
 pub struct Rig {
-    /// One a view, ascending.
-    pub azimuths: Vec<Azimuth>,
+    /// One a view.
+    pub viewpoints: Vec<Viewpoint>,
     /// Of every drawing, px.
     pub width: u32,
     /// Of every drawing, px.
@@ -36,10 +36,10 @@ const SEAM_GAIN: f64 = 0.25;
 const MIN_FACING: f64 = 0.2;
 
 impl Rig {
-    /// The camera rig that `views` are drawn with.
+    /// The camera rig that level `views` are drawn with.
     pub fn of_views(views: &ViewSet) -> Self {
         Self {
-            azimuths: views.azimuths().collect(),
+            viewpoints: views.azimuths().map(Viewpoint::from).collect(),
             width: views.width(),
             height: views.height(),
             axis_px: views.axis_px(),
@@ -54,22 +54,46 @@ impl Rig {
 
     /// [`project`](Self::project) for many points.
     pub fn projection(&self, view: usize) -> impl Fn(&Point3<f64>) -> Vector3<f64> {
-        let (sine, cosine) = self.azimuths[view].radians().sin_cos();
+        let Turn { azimuth: (sine, cosine), elevation: (rise, level) } = self.turn(view);
         let (axis_px, origin_row_px) = (self.axis_px, self.origin_row_px);
         move |point| {
+            let behind = point.y * cosine - point.x * sine;
             Vector3::new(
                 point.x * cosine + point.y * sine + axis_px,
-                origin_row_px - point.z,
-                point.y * cosine - point.x * sine,
+                origin_row_px - (point.z * level + behind * rise),
+                behind * level - point.z * rise,
             )
         }
     }
 
+    /// The point at a column, row and depth of view `view`: [`project`](Self::project) undone.
+    pub fn unproject(&self, view: usize, pixel: &Vector3<f64>) -> Point3<f64> {
+        let Turn { azimuth: (sine, cosine), elevation: (rise, level) } = self.turn(view);
+        let (right, up) = (pixel.x - self.axis_px, self.origin_row_px - pixel.y);
+        let behind = up * rise + pixel.z * level;
+        Point3::new(
+            right * cosine - behind * sine,
+            right * sine + behind * cosine,
+            up * level - pixel.z * rise,
+        )
+    }
+
     /// Unit vector, turntable frame.
     pub(crate) fn toward_camera(&self, view: usize) -> Vector3<f64> {
-        let (sine, cosine) = self.azimuths[view].radians().sin_cos();
-        Vector3::new(sine, -cosine, 0.0)
+        let Turn { azimuth: (sine, cosine), elevation: (rise, level) } = self.turn(view);
+        Vector3::new(sine * level, -cosine * level, rise)
     }
+
+    fn turn(&self, view: usize) -> Turn {
+        let Viewpoint { azimuth, elevation } = self.viewpoints[view];
+        Turn { azimuth: azimuth.radians().sin_cos(), elevation: elevation.sin_cos() }
+    }
+}
+
+/// Sines and cosines of a camera's angles.
+struct Turn {
+    azimuth: (f64, f64),
+    elevation: (f64, f64),
 }
 
 /// Per triangle, the index of the view that sees it best, or the number of
@@ -104,7 +128,7 @@ pub fn best_views(mesh: &Mesh, rig: &Rig, buffers: &[DepthBuffer]) -> Vec<usize>
     }
     for (label, scores) in labels.iter_mut().zip(&scores) {
         if scores.get(*label).is_none_or(|&score| score < MIN_FACING) {
-            *label = rig.azimuths.len();
+            *label = rig.viewpoints.len();
         }
     }
     labels
@@ -120,7 +144,7 @@ fn scores(mesh: &Mesh, rig: &Rig, buffers: &[DepthBuffer]) -> Vec<Vec<f64>> {
             let normal = face_normal(mesh, triangle);
             let [a, b, c] = mesh.corners(triangle);
             let centre = Point3::from((a.coords + b.coords + c.coords) / 3.0);
-            (0..rig.azimuths.len())
+            (0..rig.viewpoints.len())
                 .map(|view| {
                     let facing = normal.dot(&rig.toward_camera(view));
                     let hidden = facing > 0.0 && !buffers[view].sees(&rig.project(view, &centre));
@@ -154,7 +178,7 @@ impl DepthBuffer {
     /// Draws `mesh`, a closed one, as all views see it, to tell what is hidden from them.
     pub fn of_views(mesh: &Mesh, rig: &Rig) -> Vec<Self> {
         use rayon::prelude::*;
-        let views = (0..rig.azimuths.len()).into_par_iter();
+        let views = (0..rig.viewpoints.len()).into_par_iter();
         views.map(|view| Self::of_view(mesh, rig, view, VISIBILITY_SCALE)).collect()
     }
 
@@ -200,13 +224,12 @@ impl DepthBuffer {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use frames::{Azimuth, Elevation};
 
     fn rig(degrees: &[f64]) -> Rig {
+        let level = |&degrees: &f64| Azimuth::from_degrees(degrees).unwrap().into();
         Rig {
-            azimuths: degrees
-                .iter()
-                .map(|&degrees| Azimuth::from_degrees(degrees).unwrap())
-                .collect(),
+            viewpoints: degrees.iter().map(level).collect(),
             width: 100,
             height: 80,
             axis_px: 50.0,
@@ -238,6 +261,36 @@ mod tests {
         assert_eq!(&labels[..8], [0, 0, 1, 1, 2, 2, 3, 3]);
         // No level view sees the top and the bottom.
         assert_eq!(&labels[8..], [4; 4]);
+    }
+
+    #[test]
+    fn a_raised_camera_sees_the_top() {
+        let mesh = block(10.0);
+        let mut rig = rig(&[0.0, 0.0, 0.0]);
+        for (viewpoint, degrees) in rig.viewpoints[1..].iter_mut().zip([90.0, -90.0]) {
+            viewpoint.elevation = Elevation::from_degrees(degrees).unwrap();
+        }
+        let labels = best_views(&mesh, &rig, &DepthBuffer::of_views(&mesh, &rig));
+        assert_eq!(&labels[8..], [1, 1, 2, 2]);
+        // From above the front is at the bottom, from below at the top.
+        let front = Point3::new(3.0, -10.0, 4.0);
+        assert_eq!(rig.project(1, &front), Vector3::new(53.0, 50.0, -4.0));
+        assert_eq!(rig.project(2, &front), Vector3::new(53.0, 30.0, 4.0));
+    }
+
+    #[test]
+    fn what_is_projected_comes_back() {
+        let mut rig = rig(&[25.0]);
+        for degrees in [-90.0, -30.0, 0.0, 55.0, 90.0] {
+            rig.viewpoints[0].elevation = Elevation::from_degrees(degrees).unwrap();
+            let point = Point3::new(3.0, -7.0, 5.0);
+            let back = rig.unproject(0, &rig.project(0, &point));
+            assert!((back - point).norm() < 1e-9, "{degrees}: {back}");
+            // Depth grows away from the camera.
+            let nearer = point + rig.toward_camera(0);
+            let step = rig.project(0, &nearer) - rig.project(0, &point);
+            assert!((step - Vector3::new(0.0, 0.0, -1.0)).norm() < 1e-9, "{degrees}: {step}");
+        }
     }
 
     #[test]

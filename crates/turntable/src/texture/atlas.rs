@@ -41,7 +41,7 @@ impl Atlas {
     ///
     /// * `labels`: per triangle a view's index, or the number of views.
     pub(super) fn of(mesh: &Mesh, rig: &Rig, labels: &[usize]) -> Self {
-        let views = rig.azimuths.len();
+        let views = rig.viewpoints.len();
         let charts: Vec<usize> = labels
             .iter()
             .enumerate()

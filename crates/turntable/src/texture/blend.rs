@@ -6,7 +6,7 @@ use imageproc::distance_transform::distance_transform;
 use nalgebra::{Point3, Vector3};
 
 use super::paint::Paint;
-use crate::draft::Draft;
+use crate::draft::DraftView;
 use crate::solid::MirrorPlane;
 use crate::surface::projection::{DepthBuffer, Rig, VISIBILITY_SCALE};
 
@@ -37,12 +37,17 @@ pub(super) struct Camera<'a> {
 }
 
 impl<'a> Camera<'a> {
-    /// * `view`: its index in the rig and the draft.
+    /// * `view`: its index in the rig.
     /// * `depth`: of the view.
-    pub(super) fn new(draft: &Draft<'_>, rig: &Rig, view: usize, depth: &'a DepthBuffer) -> Self {
+    pub(super) fn new(
+        drawn: &DraftView<'_>,
+        rig: &Rig,
+        view: usize,
+        depth: &'a DepthBuffer,
+    ) -> Self {
         let step = STEP * f64::from(rig.height);
         Self {
-            paint: Paint::of_view(&draft.views.views()[view], &draft.silhouettes.silhouettes[view]),
+            paint: Paint::of_view(drawn.view, drawn.silhouette),
             inside: distance_transform(&edges(depth, rig, step as f32), LInf),
             depth,
             toward: rig.toward_camera(view),

@@ -64,12 +64,12 @@ pub fn texture(draft: &Draft<'_>) -> Option<Textured> {
     if mesh.triangles.is_empty() {
         return None;
     }
-    let rig = Rig::of_views(&draft.views);
+    let (rig, views) = (draft.rig(), draft.all_views());
     let buffers = DepthBuffer::of_views(mesh, &rig);
     let cameras: Vec<Camera> = buffers
         .par_iter()
         .enumerate()
-        .map(|(view, depth)| Camera::new(draft, &rig, view, depth))
+        .map(|(view, depth)| Camera::new(&views[view], &rig, view, depth))
         .collect();
     let report = &draft.solid.report;
     let mirror = report.mirror_plane.or(report.symmetric_about);

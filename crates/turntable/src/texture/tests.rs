@@ -28,7 +28,9 @@ fn centre(found: &Textured, triangle: usize) -> Point3<f64> {
 fn every_face_shows_the_colour_of_its_place() {
     let mesh = mesh::builtin::torus(30.0, 12.0, 24, 12).mesh;
     let rig = Rig {
-        azimuths: [0.0, 90.0].map(|degrees| Azimuth::from_degrees(degrees).unwrap()).to_vec(),
+        viewpoints: [0.0, 90.0]
+            .map(|degrees| Azimuth::from_degrees(degrees).unwrap().into())
+            .to_vec(),
         width: 100,
         height: 80,
         axis_px: 50.0,

@@ -10,14 +10,14 @@ use super::solid_views::SolidSheet;
 use super::symmetry::MirrorPlane;
 use crate::options::Holes;
 use evidence::Evidence;
-use frames::Azimuth;
+use frames::Viewpoint;
 use regions::{Region, columns_of, regions_of};
 
 /// A point of a drawing that is known to be a hole.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HoleHint {
     /// The view that it points into.
-    pub azimuth: Azimuth,
+    pub viewpoint: Viewpoint,
     /// Column and row in the sheet frame, px.
     pub x_px: f64,
     /// The row, downward.
@@ -161,7 +161,7 @@ fn nothing_falls(evidence: &Evidence<'_>, region: &Region) -> bool {
 }
 
 fn is_hinted(sheet: &SolidSheet, region: &Region, hint: &HoleHint) -> bool {
-    sheet.azimuths[region.view] == hint.azimuth
+    Viewpoint::from(sheet.azimuths[region.view]) == hint.viewpoint
         && region.runs.iter().any(|&(y, from, to)| {
             y as f64 == hint.y_px.floor() && from as f64 <= hint.x_px && hint.x_px < to as f64
         })
