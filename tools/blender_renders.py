@@ -1,9 +1,10 @@
 """Renders a draft with Blender, to see it as a modeller will.
 
     blender -b --factory-startup --python-exit-code 1 --python tools/blender_renders.py -- \
-        DRAFT.glb OUT_DIR [SIZE_PX]
+        DRAFT.glb OUT_DIR [SIZE_PX] [own]
 
-Imports the GLB, hides the reference planes, covers the rest in grey clay, and renders front, quarter, side and back with an
+Imports the GLB, hides the reference planes, covers the rest in grey clay (or, with `own`, leaves it its own
+materials), and renders front, quarter, side and back with an
 orthographic camera and Cycles on the processor. Prints the names of the objects and the model's bounds
 in metres as JSON, and fails unless it stands on the ground and, as drafts do by default, 1.8 m high.
 Needs NumPy where Blender's own Python has none.
@@ -24,11 +25,13 @@ SAMPLES = 32
 
 
 def main() -> None:
-    model, folder, *size = sys.argv[sys.argv.index("--") + 1 :]
+    model, folder, *rest = sys.argv[sys.argv.index("--") + 1 :]
+    size = [word for word in rest if word.isdigit()]
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.import_scene.gltf(filepath=model)
     low, high = bounds()
-    cover_in_clay()
+    if "own" not in rest:
+        cover_in_clay()
     names = sorted(item.name for item in bpy.data.objects)
     print(json.dumps({"objects": names, "low_m": list(low), "high_m": list(high)}))
     set_up_render(int(size[0]) if size else 400)
