@@ -21,6 +21,8 @@ async fn main() -> Result<(), Box<dyn std::error::Error>> {
     let requests: u32 = arguments.next().map_or(Ok(2000), |text| text.parse())?;
     let per_second: f64 = arguments.next().map_or(Ok(100.0), |text| text.parse())?;
 
+    // `reqwest` leaves the choice to the program, also where there is no TLS.
+    let _ = rustls::crypto::ring::default_provider().install_default();
     let client = reqwest::Client::new();
     let begin = Instant::now() + Duration::from_millis(100);
     let mut running = JoinSet::new();

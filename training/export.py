@@ -38,7 +38,8 @@ def folded(state):
             bias = (bias - part['running_mean']) * scale + part['bias']
         name = path.removesuffix('.0') if last == '0' else path
         root, rest = name.split('.', 1)
-        out[f'{ROOTS[root]}.{rest}.weight'] = weight.astype(np.float16)
+        # In C order: safetensors writes the memory as it is, whatever the strides (channels last) say.
+        out[f'{ROOTS[root]}.{rest}.weight'] = np.ascontiguousarray(weight.astype(np.float16))
         out[f'{ROOTS[root]}.{rest}.bias'] = bias.astype(np.float32)
     return out
 

@@ -1,23 +1,14 @@
 //! `turnaround keys` and `turnaround tenants`: who may use a service, by its
-//! data folder, whether it runs or not.
+//! data folder or database, whether it runs or not.
 
-use std::path::PathBuf;
-use std::sync::Arc;
-
-use anyhow::{Context, Result, ensure};
-use clap::{Args, Subcommand, ValueEnum};
+use anyhow::{Context, Result};
+use clap::{Subcommand, ValueEnum};
 use tokio::runtime::Runtime;
 
+use super::config::StoresConfig;
 use super::failure::Failure;
-use jobs::{AccessStore, KeyText, NewKey, Scope, SqliteStore, SystemClock, TenantName};
-
-/// Where the service keeps its database.
-#[derive(Args, Debug)]
-pub(super) struct DataArgs {
-    /// Data folder of the service
-    #[arg(long, env = "TURNAROUND_DATA_DIR", value_name = "DIR", default_value = "data")]
-    data_dir: PathBuf,
-}
+use super::stores::open_access;
+use jobs::{KeyText, NewKey, Scope, TenantName};
 
 /// What to do with keys.
 #[derive(Subcommand, Debug)]
@@ -25,7 +16,7 @@ pub(super) enum KeyCommand {
     /// Make a key and print it; it is shown this once
     Create {
         #[command(flatten)]
-        data: DataArgs,
+        data: StoresConfig,
         /// Whose it is
         #[arg(long, default_value_t)]
         tenant: TenantName,
@@ -39,12 +30,12 @@ pub(super) enum KeyCommand {
     /// List all keys, without their secrets
     List {
         #[command(flatten)]
-        data: DataArgs,
+        data: StoresConfig,
     },
     /// Revoke a key for good
     Revoke {
         #[command(flatten)]
-        data: DataArgs,
+        data: StoresConfig,
         /// The first part of it, such as ta_0123456789ab
         id: String,
     },
@@ -58,14 +49,14 @@ pub(super) enum TenantCommand {
     /// Make a tenant, whose jobs no other sees
     Create {
         #[command(flatten)]
-        data: DataArgs,
+        data: StoresConfig,
         /// Lower-case letters, digits and hyphens
         name: TenantName,
     },
     /// List all tenants
     List {
         #[command(flatten)]
-        data: DataArgs,
+        data: StoresConfig,
     },
 }
 
@@ -93,11 +84,11 @@ pub(super) fn keys(command: &KeyCommand) -> Result<(), Failure> {
             KeyCommand::Create { data, tenant, scope, label } => {
                 let text = KeyText::generate();
                 let (tenant, label, scope) = (tenant.clone(), label.clone(), (*scope).into());
-                data.open().await?.add_key(&NewKey { tenant, label, scope }, &text).await?;
+                open_access(data).await?.add_key(&NewKey { tenant, label, scope }, &text).await?;
                 println!("{}", text.reveal());
             }
             KeyCommand::List { data } => {
-                for key in data.open().await?.keys().await? {
+                for key in open_access(data).await?.keys().await? {
                     let scope = format!("{:?}", key.scope).to_lowercase();
                     let state = key.revoked_at.map(|at| format!("revoked {at}"));
                     let state = state.unwrap_or_else(|| "active".to_owned());
@@ -105,7 +96,7 @@ pub(super) fn keys(command: &KeyCommand) -> Result<(), Failure> {
                 }
             }
             KeyCommand::Revoke { data, id } => {
-                data.open().await?.revoke_key(id).await?;
+                open_access(data).await?.revoke_key(id).await?;
             }
             KeyCommand::Generate => println!("{}", KeyText::generate().reveal()),
         }
@@ -118,10 +109,10 @@ pub(super) fn tenants(command: &TenantCommand) -> Result<(), Failure> {
     block_on(async {
         match command {
             TenantCommand::Create { data, name } => {
-                data.open().await?.create_tenant(name).await?;
+                open_access(data).await?.create_tenant(name).await?;
             }
             TenantCommand::List { data } => {
-                for tenant in data.open().await?.tenants().await? {
+                for tenant in open_access(data).await?.tenants().await? {
                     println!("{}\t{}", tenant.name, tenant.created_at);
                 }
             }
@@ -133,20 +124,4 @@ pub(super) fn tenants(command: &TenantCommand) -> Result<(), Failure> {
 fn block_on(work: impl Future<Output = Result<()>>) -> Result<(), Failure> {
     let runtime = Runtime::new().context("starting the async runtime");
     runtime.map_err(Failure::Internal)?.block_on(work).map_err(Failure::Usage)
-}
-
-impl DataArgs {
-    async fn open(&self) -> Result<SqliteStore> {
-        let folder = &self.data_dir;
-        let bytes = folder.join("bytes");
-        let database = folder.join("jobs.sqlite");
-        ensure!(
-            database.exists() || !bytes.exists(),
-            "{} has bytes but no database; put its latest copy back first",
-            folder.display()
-        );
-        std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
-        let opened = SqliteStore::open(&database, Arc::new(SystemClock)).await;
-        opened.with_context(|| format!("in the data folder {}", folder.display()))
-    }
 }

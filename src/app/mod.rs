@@ -16,6 +16,7 @@ mod page;
 mod progress_bar;
 mod reconstruct;
 mod serve;
+mod stores;
 mod study;
 mod telemetry;
 

@@ -15,6 +15,7 @@ use tokio_util::sync::CancellationToken;
 
 use super::config::{AccessConfig, Config, HttpConfig, OutboundConfig};
 use super::failure::Failure;
+use super::stores::Stores;
 use super::{descriptors, memory};
 use crate::draft::DraftLimits;
 use crate::http::{self, Access, ApiState, Guard, HttpLimits, KeyPolicy, LinkKey, ServerTimeouts};
@@ -22,11 +23,7 @@ use crate::outbound::{Outbound, OutboundPolicy};
 use crate::webhooks::{Sender, SenderConfig};
 use crate::worker::jobs::{Draw, Reconstruct};
 use crate::worker::{Pool, Work, WorkerConfig};
-use jobs::bytes::ByteStore;
-use jobs::{
-    AccessStore, JobStore, KeyText, NewKey, Scope, SqliteStore, SystemClock, TenantLimits,
-    TenantName,
-};
+use jobs::{AccessStore, KeyText, NewKey, Scope, TenantLimits, TenantName};
 
 /// Runs the HTTP interface and the workers until SIGTERM or SIGINT.
 pub(super) fn serve(config: &Config) -> Result<(), Failure> {
@@ -45,7 +42,7 @@ fn run<F: Future<Output = Result<()>>>(service: impl FnOnce(Handle) -> F) -> Res
 }
 
 async fn serve_until_signal(config: &Config, runtime: Handle) -> Result<()> {
-    let stores = Stores::open(config).await?;
+    let stores = Stores::open(&config.stores, config.storage.adopt_bytes).await?;
     let outbound = outbound(config)?;
     let (draining, shutdown) = (CancellationToken::new(), CancellationToken::new());
     let state = ApiState {
@@ -88,7 +85,8 @@ async fn serve_until_signal(config: &Config, runtime: Handle) -> Result<()> {
 }
 
 async fn work_until_signal(config: &Config, runtime: Handle) -> Result<()> {
-    let stores = Stores::open(config).await?;
+    ensure!(config.workers.workers > 0, "workers is 0, so that there is nothing to do");
+    let stores = Stores::open(&config.stores, config.storage.adopt_bytes).await?;
     let pool = stores.start_workers(config, &runtime)?;
     let sender = tokio::spawn(stores.sender(outbound(config)?).run());
     stop_signal().await?;
@@ -107,34 +105,7 @@ async fn stop_signal() -> Result<()> {
     Ok(())
 }
 
-/// The embedded default: SQLite and a folder, both below the data folder.
-struct Stores {
-    jobs: Arc<dyn JobStore>,
-    /// Of the same database.
-    access: Arc<dyn AccessStore>,
-    bytes: ByteStore,
-}
-
 impl Stores {
-    async fn open(config: &Config) -> Result<Self> {
-        let folder = &config.storage.data_dir;
-        let within = || format!("in the data folder {}", folder.display());
-        let bytes_folder = folder.join("bytes");
-        std::fs::create_dir_all(&bytes_folder).with_context(within)?;
-        let bytes = ByteStore::local(&bytes_folder).with_context(within)?;
-        let database = folder.join("jobs.sqlite");
-        let is_new = !database.try_exists().with_context(within)?;
-        ensure!(
-            !is_new || config.storage.adopt_bytes || bytes.jobs().await?.is_empty(),
-            "{} has bytes of jobs, but no database; put its latest copy back, or start with --adopt-bytes to begin a new one beside them",
-            folder.display()
-        );
-        let jobs =
-            SqliteStore::open(&database, Arc::new(SystemClock)).await.with_context(within)?;
-        let jobs = Arc::new(jobs);
-        Ok(Self { jobs: jobs.clone(), access: jobs, bytes })
-    }
-
     fn start_workers(&self, config: &Config, runtime: &Handle) -> Result<Pool> {
         let works: Vec<Arc<dyn Work>> = vec![
             Arc::new(Reconstruct { limits: draft_limits(config) }),
@@ -233,11 +204,18 @@ async fn first_key(store: &dyn AccessStore, path: &Path) -> Result<()> {
     let within = || format!("reading the first key from {}", path.display());
     let text = std::fs::read_to_string(path).with_context(within)?;
     let text: KeyText = text.trim().parse().with_context(within)?;
-    if store.keys().await?.iter().any(|key| key.id == text.id()) {
+    let is_there =
+        async || -> Result<bool> { Ok(store.keys().await?.iter().any(|key| key.id == text.id())) };
+    if is_there().await? {
         return Ok(());
     }
     let (tenant, label) = (TenantName::default(), "first".to_owned());
-    store.add_key(&NewKey { tenant, label, scope: Scope::Admin }, &text).await?;
+    let added = store.add_key(&NewKey { tenant, label, scope: Scope::Admin }, &text).await;
+    // Another node may have been faster.
+    if added.is_err() && is_there().await? {
+        return Ok(());
+    }
+    added?;
     Ok(())
 }
 

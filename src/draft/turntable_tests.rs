@@ -210,6 +210,7 @@ fn every_artifact_is_there_and_readable() {
         "solid.stl",
         "solid.3mf",
         "textured.glb",
+        "relief.glb",
         "thumbnail.png",
         "timings.json",
     ];

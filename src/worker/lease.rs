@@ -133,12 +133,9 @@ impl Heart {
                     beat.renewed = asked;
                 }
             }
-            Err(error) => {
-                tracing::warn!(%job, attempt, %error, "could not renew the lease");
-                if asked.duration_since(beat.renewed) >= self.lease {
-                    beat.signal.stop(StopReason::LeaseLost);
-                }
-            }
+            // The work goes on: where nobody can be asked, nobody may have taken the
+            // job over, and if somebody has, the result is refused.
+            Err(error) => tracing::warn!(%job, attempt, %error, "could not renew the lease"),
         }
     }
 

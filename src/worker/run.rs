@@ -18,8 +18,13 @@ use super::{Attempt, Shared, WorkError};
 use crate::failure_code::FailureCode;
 use jobs::{Claim, Failure, JobId, JobState, JobStore, StoreError};
 
-/// Writes of an ending are tried this often before the lease is left to end.
-const ENDING_TRIES: u32 = 4;
+/// For how long an ending is tried to be written before the lease is left to
+/// end: longer than a database needs to start again.
+const ENDING_PATIENCE: Duration = Duration::from_secs(300);
+/// How often on a full disk.
+const FULL_TRIES: u32 = 4;
+/// The longest pause between two tries.
+const ENDING_PAUSE: Duration = Duration::from_secs(2);
 
 /// How long work has to notice that it should stop. A cancelled job has ended
 /// within a second, whatever it was doing.
@@ -204,6 +209,10 @@ fn end(shared: &Shared, id: JobId, attempt: u32, ending: Ending) {
             }
         }
         Err(StoreError::LeaseLost { .. } | StoreError::NotFound(_)) => {
+            // It was written, and only the answer lost, or nobody knows.
+            if publishes && !shared.runtime.block_on(is_surely_unpublished(shared, id, attempt)) {
+                return;
+            }
             tracing::warn!(job = %id, attempt, "lost its lease, result thrown away");
         }
         // It may have been written all the same: the bytes stay until the
@@ -224,24 +233,36 @@ fn delete_bytes(shared: &Shared, id: JobId, attempt: u32) {
     }
 }
 
+/// Whether the bytes of an attempt that lost its lease are surely no result.
+async fn is_surely_unpublished(shared: &Shared, id: JobId, attempt: u32) -> bool {
+    match shared.store.get(id).await {
+        Ok(job) => (job.state, job.attempt) != (JobState::Succeeded, attempt),
+        Err(error) => matches!(error, StoreError::NotFound(_)),
+    }
+}
+
 async fn write_ending(
     shared: &Shared,
     id: JobId,
     attempt: u32,
     ending: Ending,
 ) -> Result<JobState, StoreError> {
-    let mut pause = Duration::from_millis(100);
-    for _ in 1..ENDING_TRIES {
-        match try_ending(shared, id, attempt, ending.clone()).await {
-            Err(error @ (StoreError::Backend(_) | StoreError::Full)) => {
-                tracing::warn!(job = %id, attempt, %error, "trying again to write how it ended");
-                tokio::time::sleep(pause).await;
-                pause *= 4;
-            }
+    let (begun, mut pause) = (Instant::now(), Duration::from_millis(100));
+    let mut full = 0;
+    loop {
+        let error = match try_ending(shared, id, attempt, ending.clone()).await {
+            Err(error @ (StoreError::Backend(_) | StoreError::Full)) => error,
             written => return written,
+        };
+        // A full disk is left to the ending that makes room.
+        full += u32::from(matches!(error, StoreError::Full));
+        if full == FULL_TRIES || begun.elapsed() + pause > ENDING_PATIENCE {
+            return Err(error);
         }
+        tracing::warn!(job = %id, attempt, %error, "trying again to write how it ended");
+        tokio::time::sleep(pause).await;
+        pause = (pause * 2).min(ENDING_PAUSE);
     }
-    try_ending(shared, id, attempt, ending).await
 }
 
 async fn try_ending(

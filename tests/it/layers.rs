@@ -31,12 +31,12 @@ const IMPURE: &[&str] =
 const HEAVY: &[(&str, &[&str])] = &[
     ("opencv", &["uncalibrated"]),
     ("uncalibrated", &["study"]),
-    ("tokio", &["jobs"]),
+    ("tokio", &["jobs", "testbed"]),
     ("sqlx", &["jobs"]),
     ("object_store", &["jobs"]),
     ("safetensors", &["prior"]),
     ("axum", &[]),
-    ("reqwest", &[]),
+    ("reqwest", &["jobs"]),
 ];
 
 fn crates() -> PathBuf {

@@ -99,7 +99,7 @@ impl Service {
             .map_while(Result::ok)
             .find_map(|line| line.split_once("http://").map(|(_, address)| address.to_owned()))
             .expect("the service says where it listens");
-        let client = Client::builder().no_proxy().build().unwrap();
+        let client = crate::client();
         let url = format!("http://{}/v1/reconstructions", url.trim());
         Self { child, uploader: Uploader { client, url } }
     }
@@ -209,7 +209,7 @@ async fn results(folder: &Path, accepted: &BTreeMap<u64, JobId>) -> (BTreeMap<u6
 
 /// The upload of a job: drawings that differ from seed to seed, or the sheet
 /// that `CRASH_SHEET` names.
-fn form(seed: u64) -> Form {
+pub(crate) fn form(seed: u64) -> Form {
     let part = |png: Vec<u8>| Part::bytes(png).file_name("view.png").mime_str("image/png").unwrap();
     if let Some(sheet) = env::var_os("CRASH_SHEET") {
         let text = std::fs::read(&sheet).unwrap();

@@ -91,6 +91,8 @@ pub enum ArtifactName {
     SolidThreeMf,
     /// The same with the drawings projected on it.
     Textured,
+    /// The same as of clay, the drawings' inner lines as grooves.
+    Relief,
     /// A shaded picture of the mesh from three sides.
     Thumbnail,
     /// How well each step went, JSON.
@@ -123,7 +125,7 @@ impl ArtifactName {
             | Self::Metrics
             | Self::Timings => "application/json",
             Self::Cloud => "model/ply",
-            Self::Hull | Self::Solid | Self::Textured => "model/gltf-binary",
+            Self::Hull | Self::Solid | Self::Textured | Self::Relief => "model/gltf-binary",
             Self::SolidObj => "model/obj",
             Self::SolidStl => "model/stl",
             Self::SolidThreeMf => "model/3mf",
@@ -167,6 +169,7 @@ impl fmt::Display for ArtifactName {
             Self::SolidStl => f.write_str("solid.stl"),
             Self::SolidThreeMf => f.write_str("solid.3mf"),
             Self::Textured => f.write_str("textured.glb"),
+            Self::Relief => f.write_str("relief.glb"),
             Self::Thumbnail => f.write_str("thumbnail.png"),
             Self::Metrics => f.write_str("metrics.json"),
             Self::Timings => f.write_str("timings.json"),

@@ -6,10 +6,16 @@
 //! later write names the (job, attempt) it was claimed with, so that a worker
 //! that lost its lease can change nothing.
 
+#![expect(
+    clippy::duplicate_mod,
+    reason = "both job stores compile the modules of `sql`, each with its own driver's types"
+)]
+
 mod access;
 pub mod bytes;
 mod clock;
 mod pages;
+mod postgres;
 mod record;
 mod sqlite;
 mod storage;
@@ -23,6 +29,7 @@ pub use access::{
 };
 pub use clock::{Clock, ManualClock, SystemClock, Uptime};
 pub use pages::{NewPage, PageStore, StoredPage};
+pub use postgres::{PostgresOptions, PostgresStore};
 pub use sqlite::SqliteStore;
 pub use storage::StorageStore;
 pub use store::{JobStore, StoreError};

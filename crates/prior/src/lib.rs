@@ -1,8 +1,8 @@
-//! What few drawings leave open, by a network trained on random shapes.
+//! What few drawings leave open, by a network trained on random shapes and models.
 //!
 //! The visual hull of three drawings joins arms and body; who has seen figures
 //! sees two arms. The network is trained on procedurally generated subjects
-//! only and tells, from 2 to 8 line drawings at known azimuths, how likely each
+//! and on models; it tells, from 2 to 8 line drawings at known azimuths, how likely each
 //! place in the hull is inside the subject.
 //!
 //! | stage | what it does |

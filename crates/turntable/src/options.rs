@@ -151,7 +151,7 @@ pub struct SolidOptions {
     pub parts: bool,
     /// Whether depth maps carve the solid.
     pub fusion: bool,
-    /// Whether what a network learned from random shapes decides what the
+    /// Whether what a network learned from shapes and models decides what the
     /// drawings leave open; by itself unless the solid, drawn again, then leaves
     /// outlines uncovered or has steps where no line is drawn.
     pub prior: Switch,

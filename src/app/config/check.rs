@@ -10,7 +10,7 @@ impl Config {
     /// # Errors
     /// Says which, why, and what is taken.
     pub(super) fn check(&self) -> Result<()> {
-        let Self { http, workers, limits, outbound, storage, access, .. } = self;
+        let Self { http, workers, limits, outbound, stores, storage, access, .. } = self;
         for origin in &http.cors_origin {
             ensure!(
                 is_origin(origin),
@@ -29,13 +29,27 @@ impl Config {
                 "trusted_host is `{host}`; give a name or address without a port"
             );
         }
+        if let Some(url) = &stores.database_url {
+            // The rest of it may be a secret.
+            ensure!(
+                url.starts_with("postgres://") || url.starts_with("postgresql://"),
+                "database_url must begin with postgres://"
+            );
+        }
+        if let Some(address) = &stores.store {
+            ensure!(
+                address.starts_with("s3://"),
+                "store is `{address}`; give s3://BUCKET or s3://BUCKET/PREFIX"
+            );
+        }
         ensure!(
             !storage.make_room || storage.disk_budget_mib.is_some(),
             "make_room is set, but no disk_budget_mib that says when"
         );
         for (name, value, range) in [
-            ("workers", workers.workers as u64, 1..=256),
+            ("workers", workers.workers as u64, 0..=256),
             ("threads_per_job", workers.threads_per_job as u64, 0..=1024),
+            ("database_connections", stores.database_connections.into(), 2..=1000),
             ("max_attempts", workers.max_attempts.into(), 1..=100),
             ("max_job_seconds", workers.max_job_seconds, 1..=604_800),
             ("heartbeat", workers.heartbeat, 1..=3600),
@@ -91,8 +105,10 @@ mod tests {
     fn what_makes_no_sense_is_refused() {
         for (args, told) in [
             (["--lease", "5"].as_slice(), "two heartbeats"),
-            (&["--workers", "100000"], "workers is 100000; give 1 to 256"),
-            (&["--workers", "0"], "workers is 0"),
+            (&["--workers", "100000"], "workers is 100000; give 0 to 256"),
+            (&["--database-url", "mysql://host/name"], "postgres://"),
+            (&["--database-connections", "1"], "database_connections is 1"),
+            (&["--store", "bucket"], "s3://BUCKET"),
             (&["--max-views", "0"], "max_views is 0"),
             (&["--cors-origin", "studio.example"], "`studio.example`"),
             (&["--cors-origin", "https://studio.example/app"], "without a path"),
@@ -106,6 +122,8 @@ mod tests {
             ["--lease", "20"].as_slice(),
             &["--cors-origin", "https://studio.example:8443,http://localhost:5173"],
             &["--cors-origin", "*"],
+            &["--workers", "0", "--database-url", "postgres://host/name"],
+            &["--store", "s3://bucket/a/b"],
             &["--allowed-host", "draft.studio.example,[::1],10.0.0.1"],
         ] {
             resolve(args).unwrap();

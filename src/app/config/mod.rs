@@ -17,7 +17,7 @@ pub(super) use http::HttpConfig;
 pub(super) use limits::LimitConfig;
 pub(super) use log::{LogConfig, LogFormat};
 pub(super) use outbound::OutboundConfig;
-pub(super) use storage::StorageConfig;
+pub(super) use storage::{StorageConfig, StoresConfig};
 pub(super) use workers::WorkersConfig;
 
 use std::path::PathBuf;
@@ -42,6 +42,9 @@ pub(super) struct Config {
     #[command(flatten)]
     #[serde(flatten)]
     pub outbound: OutboundConfig,
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub stores: StoresConfig,
     #[command(flatten)]
     #[serde(flatten)]
     pub storage: StorageConfig,

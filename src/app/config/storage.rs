@@ -1,4 +1,4 @@
-//! Settings of where jobs and bytes are kept.
+//! Settings of where jobs and bytes are kept, and how many.
 
 use std::path::PathBuf;
 
@@ -8,10 +8,28 @@ use serde::{Deserialize, Serialize};
 /// Where jobs and bytes are kept.
 #[derive(Args, Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[command(next_help_heading = "Storage")]
-pub(crate) struct StorageConfig {
-    /// Folder of the database and of all bytes; made if missing
+pub(crate) struct StoresConfig {
+    /// Folder of the database and of all bytes, unless they are elsewhere; made if
+    /// missing
     #[arg(long, env = "TURNAROUND_DATA_DIR", value_name = "DIR", default_value = "data")]
     pub data_dir: PathBuf,
+    /// PostgreSQL database in place of a file, shared by all nodes of a farm, such as
+    /// postgres://user:password@host/name?sslmode=verify-full
+    #[arg(long, env = "TURNAROUND_DATABASE_URL", value_name = "URL", hide_env_values = true)]
+    pub database_url: Option<String>,
+    /// Connections to the PostgreSQL database at most, one more for listening besides
+    #[arg(long, env = "TURNAROUND_DATABASE_CONNECTIONS", value_name = "N", default_value_t = 10)]
+    pub database_connections: u32,
+    /// Bucket for all bytes in place of a folder: s3://BUCKET or s3://BUCKET/PREFIX;
+    /// endpoint and credentials by AWS_ENDPOINT_URL, AWS_REGION, AWS_ACCESS_KEY_ID ...
+    #[arg(long, env = "TURNAROUND_STORE", value_name = "ADDRESS")]
+    pub store: Option<String>,
+}
+
+/// How much is kept, and what is deleted.
+#[derive(Args, Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[command(next_help_heading = "Storage")]
+pub(crate) struct StorageConfig {
     /// Uploads are taken only while this much is left on the disk, MiB
     #[arg(long, env = "TURNAROUND_MIN_FREE_MIB", value_name = "MIB", default_value_t = 64)]
     pub min_free_mib: u64,

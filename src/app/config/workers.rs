@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Args, Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[command(next_help_heading = "Workers")]
 pub(crate) struct WorkersConfig {
-    /// Jobs run at once
+    /// Jobs run at once; 0 makes a node that answers requests alone
     #[arg(long, env = "TURNAROUND_WORKERS", value_name = "N", default_value_t = 1)]
     pub workers: usize,
     /// Threads of each running job; 0 shares the processors among the workers

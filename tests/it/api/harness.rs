@@ -75,7 +75,7 @@ impl Service {
         tokio::spawn(
             async move { http::serve(listener, router, &timeouts, 1000, stop).await.unwrap() },
         );
-        let client = Client::builder().no_proxy().build().unwrap();
+        let client = crate::client();
         Self { url, store, bytes, client, outbound, draining, shutdown, folder }
     }
 

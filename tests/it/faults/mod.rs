@@ -3,7 +3,7 @@
 
 mod full_disk;
 mod keys;
-mod process;
+pub(crate) mod process;
 mod settings;
 mod stopping;
 mod webhooks;

@@ -34,7 +34,7 @@ impl Process {
             .map_while(Result::ok)
             .find_map(|line| line.strip_prefix("listening on ").map(str::to_owned))
             .expect("the service says where it listens");
-        Self { child, url, client: Client::builder().no_proxy().build().unwrap() }
+        Self { child, url, client: crate::client() }
     }
 
     pub(crate) fn get(&self, path: &str) -> RequestBuilder {

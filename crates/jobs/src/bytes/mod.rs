@@ -6,6 +6,7 @@
 //! call returns.
 
 mod key;
+mod s3;
 mod store;
 
 pub use key::{InvalidName, Key};

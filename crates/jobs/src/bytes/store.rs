@@ -13,7 +13,9 @@ use futures::{StreamExt, TryStreamExt};
 use jiff::Timestamp;
 use object_store::local::LocalFileSystem;
 use object_store::path::Path;
-use object_store::{GetOptions, GetRange, ObjectStore, ObjectStoreExt, PutPayload, WriteMultipart};
+use object_store::{
+    GetOptions, GetRange, ObjectStore, ObjectStoreExt, PutMode, PutPayload, WriteMultipart,
+};
 
 use super::key::{self, InvalidName, Key};
 use crate::JobId;
@@ -147,11 +149,25 @@ impl ByteStore {
         Ok(Some(space.f_bavail.saturating_mul(space.f_frsize)))
     }
 
-    /// Stores `bytes`, replacing what was there; they are durable on return.
+    /// Stores `bytes`; they are durable on return. They replace an input, but in an
+    /// object store not an artifact, which an attempt writes once.
+    ///
+    /// # Errors
+    /// [`ByteError::Backend`] if there is another artifact under this key.
     pub async fn put(&self, key: &Key<'_>, bytes: Bytes) -> Result<(), ByteError> {
-        let payload = PutPayload::from_bytes(bytes);
-        self.store.put(&key.path()?, payload).await.map_err(from_store)?;
-        Ok(())
+        let path = key.path()?;
+        let is_new = matches!(key, Key::Artifact { .. }) && self.root.is_none();
+        let mode = if is_new { PutMode::Create } else { PutMode::Overwrite };
+        let payload = PutPayload::from_bytes(bytes.clone());
+        match self.store.put_opts(&path, payload, mode.into()).await {
+            // An earlier try may have stored it, and only its answer been lost.
+            Err(error @ object_store::Error::AlreadyExists { .. }) => {
+                let found = self.store.get(&path).await.map_err(from_store)?;
+                let is_same = found.bytes().await.map_err(from_store)? == bytes;
+                if is_same { Ok(()) } else { Err(from_store(error)) }
+            }
+            stored => stored.map(drop).map_err(from_store),
+        }
     }
 
     /// Begins to store bytes piece by piece; nothing is stored before
@@ -278,14 +294,14 @@ impl ByteStore {
     }
 }
 
-fn from_store(error: object_store::Error) -> ByteError {
+pub(super) fn from_store(error: object_store::Error) -> ByteError {
     match error {
         object_store::Error::NotFound { path, .. } => ByteError::NotFound(path),
         other => backend(other),
     }
 }
 
-fn backend<E: std::error::Error + Send + Sync + 'static>(error: E) -> ByteError {
+pub(super) fn backend<E: std::error::Error + Send + Sync + 'static>(error: E) -> ByteError {
     let mut causes =
         std::iter::successors(Some(&error as &(dyn std::error::Error + 'static)), |e| e.source());
     let is_full = causes.any(|cause| {
@@ -293,119 +309,4 @@ fn backend<E: std::error::Error + Send + Sync + 'static>(error: E) -> ByteError 
         matches!(kind, Some(io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded))
     });
     if is_full { ByteError::Full } else { ByteError::Backend(Box::new(error)) }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use object_store::memory::InMemory;
-
-    fn stores() -> (tempfile::TempDir, [ByteStore; 2]) {
-        let folder = tempfile::tempdir().unwrap();
-        let local = ByteStore::local(&folder.path().join("bytes")).unwrap();
-        (folder, [local, ByteStore::remote(Arc::new(InMemory::new()))])
-    }
-
-    fn artifact(job: JobId, attempt: u32) -> Key<'static> {
-        Key::Artifact { job, attempt, name: "views/22.5/disparity.png" }
-    }
-
-    async fn collect(part: ByteRange) -> Vec<u8> {
-        let chunks: Vec<Bytes> = part.chunks.try_collect().await.unwrap();
-        chunks.concat()
-    }
-
-    #[tokio::test]
-    async fn what_is_put_comes_back_whole_or_in_part() {
-        let (_folder, stores) = stores();
-        let content: Vec<u8> = (0..100_000u32).map(|i| (i % 251) as u8).collect();
-        for store in stores {
-            let key = artifact(JobId::new(), 1);
-            store.put(&key, content.clone().into()).await.unwrap();
-            assert_eq!(store.get(&key).await.unwrap(), content);
-            assert_eq!(store.size(&key).await.unwrap(), 100_000);
-            let part = store.stream(&key, Some(9_000..20_001)).await.unwrap();
-            assert_eq!((part.size, part.range.clone()), (100_000, 9_000..20_001));
-            assert_eq!(collect(part).await, content[9_000..20_001]);
-            let tail = store.stream(&key, Some(99_990..200_000)).await.unwrap();
-            assert_eq!(tail.range, 99_990..100_000);
-            assert_eq!(collect(tail).await, content[99_990..]);
-            assert_eq!(collect(store.stream(&key, None).await.unwrap()).await, content);
-            let outside = store.stream(&key, Some(100_000..100_001)).await;
-            assert!(matches!(outside, Err(ByteError::Range { size: 100_000, .. })));
-        }
-    }
-
-    #[tokio::test]
-    async fn what_is_written_in_pieces_is_there_once_finished() {
-        let (_folder, stores) = stores();
-        let piece: Bytes = (0..3_000_000u32).map(|i| (i % 253) as u8).collect();
-        for store in stores {
-            let [kept, dropped] = [JobId::new(), JobId::new()].map(|job| artifact(job, 1));
-            let mut writer = store.writer(&kept).await.unwrap();
-            for _ in 0..5 {
-                writer.write(piece.clone()).await.unwrap();
-            }
-            assert!(matches!(store.get(&kept).await, Err(ByteError::NotFound(_))));
-            writer.finish().await.unwrap();
-            assert_eq!(store.get(&kept).await.unwrap(), piece.repeat(5));
-            let mut writer = store.writer(&dropped).await.unwrap();
-            writer.write(piece.clone()).await.unwrap();
-            writer.abort().await.unwrap();
-            assert!(matches!(store.get(&dropped).await, Err(ByteError::NotFound(_))));
-        }
-    }
-
-    #[tokio::test]
-    async fn deleting_a_job_takes_all_its_bytes_and_no_others() {
-        let (_folder, stores) = stores();
-        for store in stores {
-            let [gone, kept] = [JobId::new(), JobId::new()];
-            for job in [gone, kept] {
-                let input = Key::Input { job, name: "front.png" };
-                store.put(&input, Bytes::from_static(b"drawing")).await.unwrap();
-                store.put(&artifact(job, 1), Bytes::from_static(b"one")).await.unwrap();
-                store.put(&artifact(job, 2), Bytes::from_static(b"two")).await.unwrap();
-            }
-            assert_eq!(store.jobs().await.unwrap(), [gone, kept]);
-            store.delete_attempt(gone, 1).await.unwrap();
-            assert_eq!(store.attempts(gone).await.unwrap(), [2]);
-            assert!(store.last_written(gone).await.unwrap().is_some());
-            store.delete_job(gone).await.unwrap();
-            store.delete_job(gone).await.unwrap();
-            assert_eq!(store.jobs().await.unwrap(), [kept]);
-            assert_eq!(store.attempts(kept).await.unwrap(), [1, 2]);
-            assert_eq!(store.last_written(gone).await.unwrap(), None);
-            let missing = store.get(&artifact(gone, 2)).await;
-            assert!(matches!(missing, Err(ByteError::NotFound(_))));
-        }
-    }
-
-    #[tokio::test]
-    async fn a_copy_outlives_its_source() {
-        let (_folder, stores) = stores();
-        for store in stores {
-            let [old, new] = [JobId::new(), JobId::new()];
-            let from = Key::Input { job: old, name: "front.png" };
-            let to = Key::Input { job: new, name: "front.png" };
-            store.put(&from, Bytes::from_static(b"drawing")).await.unwrap();
-            store.copy(&from, &to).await.unwrap();
-            store.delete_job(old).await.unwrap();
-            assert_eq!(store.get(&to).await.unwrap(), "drawing");
-        }
-    }
-
-    #[tokio::test]
-    async fn partly_written_files_go_with_their_job() {
-        let folder = tempfile::tempdir().unwrap();
-        let store = ByteStore::local(folder.path()).unwrap();
-        let job = JobId::new();
-        let directory = folder.path().join("inputs").join(job.to_string());
-        fs::create_dir_all(&directory).unwrap();
-        fs::write(directory.join("front.png#1"), b"half").unwrap();
-        assert_eq!(store.jobs().await.unwrap(), [job]);
-        assert_eq!(store.last_written(job).await.unwrap(), None);
-        store.delete_job(job).await.unwrap();
-        assert!(!directory.exists());
-    }
 }

@@ -3,14 +3,25 @@
 //! One connection writes, a few others read, so that a status request never
 //! waits for a write to reach the disk. Several processes may share the file.
 
+#[path = "../sql/access.rs"]
 mod access;
+#[path = "../sql/change.rs"]
+mod change;
+mod claim;
+#[path = "../sql/idempotency.rs"]
 mod idempotency;
+#[path = "../sql/ownerless.rs"]
 mod ownerless;
+#[path = "../sql/pages.rs"]
 mod pages;
 mod reserve;
+#[path = "../sql/rows.rs"]
 mod rows;
+#[path = "../sql/storage.rs"]
 mod storage;
+#[path = "../sql/store.rs"]
 mod store;
+#[path = "../sql/webhooks.rs"]
 mod webhooks;
 
 use std::fs::File;
@@ -18,17 +29,41 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
-use sqlx::Connection;
+use sqlx::Connection as _;
 use sqlx::migrate::Migrator;
 use sqlx::sqlite::{
     SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous,
 };
-use sqlx::{Sqlite, Transaction};
+use sqlx::{QueryBuilder, Sqlite, Transaction};
 use tokio::sync::broadcast;
 
 use self::reserve::Reserve;
-use super::record::{Change, Record};
-use super::{Clock, EventKind, Job, JobChange, JobId, StoreError};
+use super::record::Present;
+use super::{Clock, JobChange, StoreError};
+
+// What the modules of `sql` are written in.
+type Store = SqliteStore;
+type Db = Sqlite;
+type Connection = sqlx::SqliteConnection;
+type Row = sqlx::sqlite::SqliteRow;
+
+/// The end of a SELECT whose rows are changed: a write has the whole file.
+const LOCK: &str = "";
+/// As [`LOCK`], passing over the rows that others have.
+const SKIP: &str = "";
+/// The texts of the JSON array `$3`.
+const BUSY: &str = "SELECT value FROM json_each($3)";
+
+/// Adds the condition that a job has a label.
+fn has_label(sql: &mut QueryBuilder<Db>, label: &str, value: &str) {
+    sql.push("EXISTS (SELECT 1 FROM json_each(labels) WHERE key = ").push_bind(label.to_owned());
+    sql.push(" AND value = ").push_bind(value.to_owned()).push(")");
+}
+
+/// Other processes find changes by polling.
+async fn announce(_: &Store, _: &mut Connection, _: JobChange) -> Result<(), StoreError> {
+    Ok(())
+}
 
 static MIGRATIONS: Migrator = sqlx::migrate!("./migrations/sqlite");
 
@@ -71,12 +106,12 @@ impl SqliteStore {
         let (changes, _) = broadcast::channel(REMEMBERED_CHANGES);
         let reserve = Arc::new(Reserve::beside(path));
         let store = Self { writer, readers, clock, changes, reserve };
-        store.keep_reserve().await;
+        store.prepare().await;
         Ok(store)
     }
 
-    /// Takes the room on the disk that [`Self::with_reserve`] gives up.
-    async fn keep_reserve(&self) {
+    /// Takes the room on the disk that [`Self::insist`] gives up.
+    async fn prepare(&self) {
         let reserve = Arc::clone(&self.reserve);
         let taking = tokio::task::spawn_blocking(move || reserve.take());
         if let Ok(Err(error)) = taking.await {
@@ -86,7 +121,7 @@ impl SqliteStore {
 
     /// Does `write`, for which room is kept: if the disk is full, the reserve is
     /// given up and the write tried once more.
-    async fn with_reserve<T, W>(&self, mut write: impl FnMut() -> W) -> Result<T, StoreError>
+    async fn insist<T, W>(&self, mut write: impl FnMut() -> W) -> Result<T, StoreError>
     where
         W: Future<Output = Result<T, StoreError>>,
     {
@@ -117,61 +152,21 @@ impl SqliteStore {
 
     /// Begins a write. The lock is taken at once: one that is taken at the first
     /// write after a read fails without waiting if another process wrote between.
-    async fn begin(&self) -> Result<Transaction<'static, Sqlite>, StoreError> {
-        self.writer.begin_with("BEGIN IMMEDIATE").await.map_err(backend)
+    async fn begin(&self) -> Result<(Transaction<'static, Sqlite>, Present), StoreError> {
+        let transaction = self.writer.begin_with("BEGIN IMMEDIATE").await.map_err(backend)?;
+        Ok((transaction, self.now()))
     }
 
-    /// Loads a job, lets `apply` change it and saves job and event together.
-    /// Nothing is written if `apply` has no change or fails.
-    async fn transition<F>(&self, id: JobId, apply: F) -> Result<Job, StoreError>
-    where
-        F: FnOnce(&mut Record) -> Result<Option<Change>, StoreError> + Send,
-    {
-        let mut transaction = self.begin().await?;
-        let mut record = rows::load(&mut transaction, id).await?;
-        match apply(&mut record)? {
-            None => Ok(record.job),
-            Some(change) => self.commit(transaction, record, change).await,
-        }
+    fn now(&self) -> Present {
+        Present { time: self.clock.now(), uptime: self.clock.uptime() }
     }
 
-    /// Saves a changed job and its event, commits and tells who listens.
-    async fn commit(
-        &self,
-        mut transaction: Transaction<'static, Sqlite>,
-        mut record: Record,
-        change: Change,
-    ) -> Result<Job, StoreError> {
-        record.job.version += 1;
-        rows::save(&mut transaction, &record).await?;
-        if change.kind == EventKind::Succeeded {
-            let bytes: u64 = record.job.artifacts.iter().map(|artifact| artifact.bytes).sum();
-            sqlx::query("UPDATE jobs SET bytes = bytes + ?2 WHERE id = ?1")
-                .bind(record.job.id.to_string())
-                .bind(bytes.cast_signed())
-                .execute(&mut *transaction)
-                .await
-                .map_err(backend)?;
-        }
-        if change.kind.is_final() {
-            webhooks::tell(&mut transaction, &record.job.id.to_string()).await?;
-        }
-        self.finish(transaction, record.job, change).await
+    async fn present(&self, _: &mut Connection) -> Result<Present, StoreError> {
+        Ok(self.now())
     }
 
-    /// Writes the event of an already written job, commits and tells who listens.
-    async fn finish(
-        &self,
-        mut transaction: Transaction<'static, Sqlite>,
-        job: Job,
-        change: Change,
-    ) -> Result<Job, StoreError> {
-        rows::append(&mut transaction, &job, &change, self.clock.now()).await?;
-        transaction.commit().await.map_err(backend)?;
-        // An error only means that nobody listens.
-        let _ =
-            self.changes.send(JobChange { id: job.id, kind: change.kind, version: job.version });
-        Ok(job)
+    fn readers(&self) -> &SqlitePool {
+        &self.readers
     }
 }
 
@@ -209,6 +204,10 @@ fn sync_directory_of(path: &Path) -> std::io::Result<()> {
 /// What SQLite answers when it finds no room: `SQLITE_FULL`, and the errors of
 /// writing the log and of growing its index.
 const FULL_CODES: [&str; 3] = ["13", "778", "4874"];
+
+fn commit_error(error: sqlx::Error) -> StoreError {
+    backend(error)
+}
 
 pub(super) fn backend<E: std::error::Error + Send + Sync + 'static>(error: E) -> StoreError {
     let error: Box<dyn std::error::Error + Send + Sync> = Box::new(error);

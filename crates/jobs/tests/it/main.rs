@@ -1,7 +1,9 @@
-//! The job store suite, run over every implementation, and what only the
-//! SQLite one must show.
+//! The suites of job store and byte store, run over every implementation, and
+//! what only the SQLite store must show.
 
+mod bytes;
 mod outbox;
+mod postgres;
 mod storage;
 mod suite;
 
@@ -59,7 +61,7 @@ async fn what_is_stored_survives_closing() {
 }
 
 /// Enqueues, claims and ends jobs while other stores do the same.
-async fn work_through(store: Arc<SqliteStore>) {
+async fn work_through(store: Arc<dyn JobStore>) {
     for _ in 0..5 {
         store.enqueue(new_job()).await.unwrap();
         let Some(claim) = store.claim("tester", LEASE).await.unwrap() else { continue };
@@ -83,7 +85,7 @@ async fn processes_can_share_the_file() {
         stores.push(Arc::new(store.await.unwrap().unwrap()));
     }
     let working: Vec<_> =
-        stores.iter().map(|store| tokio::spawn(work_through(Arc::clone(store)))).collect();
+        stores.iter().map(|store| tokio::spawn(work_through(store.clone()))).collect();
     for work in working {
         work.await.unwrap();
     }

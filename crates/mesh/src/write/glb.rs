@@ -56,6 +56,12 @@ impl GlbWriter {
         self.floats(normals, Type::Vec3)
     }
 
+    /// Unit tangents with the sign of their bitangent: the cross product of normal and tangent
+    /// times it is up in the texture.
+    pub fn tangents(&mut self, tangents: &[[f32; 4]]) -> Index<Accessor> {
+        self.floats(tangents, Type::Vec4)
+    }
+
     /// Texture coordinates, from the texture's top left corner.
     pub fn texture_coordinates(&mut self, coordinates: &[[f32; 2]]) -> Index<Accessor> {
         self.floats(coordinates, Type::Vec2)
@@ -239,6 +245,20 @@ pub fn matte(name: &str, base_color: [f32; 4]) -> Material {
             ..PbrMetallicRoughness::default()
         },
         ..Material::default()
+    }
+}
+
+/// As [`matte`], bent by a texture of normals.
+pub fn carved(name: &str, base_color: [f32; 4], normals: Index<json::Texture>) -> Material {
+    Material {
+        normal_texture: Some(json::material::NormalTexture {
+            index: normals,
+            scale: 1.0,
+            tex_coord: 0,
+            extensions: None,
+            extras: None,
+        }),
+        ..matte(name, base_color)
     }
 }
 

@@ -6,7 +6,7 @@ use gltf::json::mesh::{Primitive, Semantic};
 use gltf::json::{Accessor, Index};
 use mesh::Mesh;
 use mesh::shading::{CREASE_ANGLE_DEG, ShadedMesh, shaded};
-use mesh::write::glb::{GlbWriter, matte, triangle_primitive, unlit};
+use mesh::write::glb::{GlbWriter, carved, matte, triangle_primitive, unlit};
 use nalgebra::Vector3;
 use picture::{EncodeError, png};
 use serde_json::json;
@@ -70,6 +70,32 @@ pub(super) fn textured_glb(
     for view in (0..drawn.rig.viewpoints.len()).filter(|_| reference_planes) {
         reference_plane(&mut file, view, drawn)?;
     }
+    file.finish()
+}
+
+/// The model as of clay, the lines of its drawings cut into it by a normal map.
+///
+/// # Errors
+/// [`EncodeError`] for a picture that cannot be written.
+pub(super) fn relief_glb(textured: &Textured, drawn: &Drawn<'_>) -> Result<Vec<u8>, EncodeError> {
+    const CLAY: [f32; 4] = [0.6, 0.58, 0.55, 1.0];
+    let mut file = writer();
+    let normals = file.png_texture("normals", &png(&textured.normal_map())?);
+    let material = file.material(carved("relief", CLAY, normals));
+    let mut attributes = geometry(&mut file, &textured.mesh, drawn.placement);
+    let tangents: Vec<[f32; 4]> = textured
+        .tangents()
+        .iter()
+        .map(|(tangent, sign)| {
+            let [x, y, z] = Placement::gltf_direction(tangent);
+            [x, y, z, *sign]
+        })
+        .collect();
+    attributes.push((Semantic::Tangents, file.tangents(&tangents)));
+    let coordinates = file.texture_coordinates(&textured.coordinates);
+    attributes.push((Semantic::TexCoords(0), coordinates));
+    let triangles = file.triangles(&textured.mesh.triangles);
+    model_node(&mut file, vec![triangle_primitive(attributes, triangles, material)], drawn)?;
     file.finish()
 }
 

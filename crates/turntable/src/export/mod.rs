@@ -13,7 +13,7 @@ use crate::depth::normals_from_depth;
 use crate::draft::{Draft, DraftView};
 use crate::fit::Redrawn;
 use crate::texture::texture;
-use glb::{Drawn, no_triangles, solid_glb, textured_glb};
+use glb::{Drawn, no_triangles, relief_glb, solid_glb, textured_glb};
 use obj::quad_obj;
 
 /// Disparity is that towards a view this far on, degrees.
@@ -111,6 +111,7 @@ pub fn model_files(
             three_mf(&printed_mm, triangles).map_err(encoding("solid.3mf"))?,
         ),
         Artifact::new(ArtifactName::Textured, textured_glb(&textured, &drawn, reference_planes)?),
+        Artifact::new(ArtifactName::Relief, relief_glb(&textured, &drawn)?),
         Artifact::new(ArtifactName::Thumbnail, thumbnail(&solid.mesh)?),
     ];
     Ok(Files { artifacts, ..Files::default() })

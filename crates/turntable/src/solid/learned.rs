@@ -8,8 +8,8 @@ use progress::Observer;
 use super::crease::Slice;
 use super::outline::Outline;
 use super::solid_views::{SolidSheet, SolidView};
-use super::{fusion, hull_plane};
-use crate::surface::field::{Field, Lattice, Plane};
+use super::{hull_plane, smoothing};
+use crate::surface::field::{Field, Plane};
 use crate::views::ViewSet;
 
 /// What the prior says of the subject on `sheet`, of drawn views alone: mirrored
@@ -62,7 +62,7 @@ fn darkness(views: &ViewSet, view: &SolidView) -> Vec<f32> {
 }
 
 /// How much more the prior must say against the solid than for it, logits.
-const MARGIN: f32 = 2.0;
+const MARGIN: f32 = 1.0;
 /// How much more that is where depth maps had their say.
 const DEPTH_GAIN: f32 = 2.0;
 /// The same where lines show most corners of a slice: its walls are known.
@@ -117,68 +117,6 @@ pub(super) fn blend(
     };
     let planes: Vec<Plane> = field.planes.par_iter().zip(&hulls).enumerate().map(blended).collect();
     let mut field = Field { lattice, planes };
-    smooth(&mut field, &hulls, directions);
+    smoothing::smooth(&mut field, &hulls, directions);
     field
-}
-
-/// How often the field is averaged: what the outlines bring back makes steps
-/// from slice to slice.
-const ROUNDS: usize = 2;
-
-/// Averages the field over neighbours within and across slices, but beside
-/// creases; silhouettes keep something behind them.
-///
-/// The planes of `field` take the windows of `hulls`.
-fn smooth(field: &mut Field, hulls: &[Plane], directions: &[Outline]) {
-    use rayon::prelude::*;
-    let lattice = field.lattice;
-    let restore = |planes: &mut [Plane]| {
-        planes.par_iter_mut().zip(hulls).for_each(|(plane, hull)| {
-            fusion::restore_silhouettes(plane, hull, &lattice, directions);
-        });
-    };
-    for _ in 0..ROUNDS {
-        restore(&mut field.planes);
-        field.planes = averaged(&field.planes, &lattice);
-    }
-    restore(&mut field.planes);
-}
-
-fn averaged(planes: &[Plane], lattice: &Lattice) -> Vec<Plane> {
-    use rayon::prelude::*;
-    let limit = lattice.truncation_px() as f32;
-    let within: Vec<Plane> = planes.par_iter().map(fusion::smoothed).collect();
-    let last = planes.len().saturating_sub(1);
-    let of_slice = |(k, own): (usize, &Plane)| {
-        let (below, above) = (&within[k.saturating_sub(1)], &within[(k + 1).min(last)]);
-        let mut out = within[k].clone();
-        for (index, value) in out.values.iter_mut().enumerate() {
-            let (i, j) = own.node(index);
-            let (low, high) = (below.at(i, j, -limit), above.at(i, j, -limit));
-            *value = 0.25 * low + 0.5 * *value + 0.25 * high;
-        }
-        for crease in &own.creases {
-            keep_near(&mut out, own, lattice, crease);
-        }
-        out
-    };
-    planes.par_iter().enumerate().map(of_slice).collect()
-}
-
-/// Gives nodes around a crease their value before smoothing.
-fn keep_near(out: &mut Plane, own: &Plane, lattice: &Lattice, crease: &nalgebra::Point2<f64>) {
-    const REACH: isize = 2;
-    let node = |value: f64, low: f64| ((value - low) / lattice.pitch_px).round() as isize;
-    let (i, j) = (node(crease.x, lattice.origin.x), node(crease.y, lattice.origin.y));
-    for j in j - REACH..=j + REACH {
-        for i in i - REACH..=i + REACH {
-            let (i, j) = (i - own.first[0] as isize, j - own.first[1] as isize);
-            let inside =
-                i >= 0 && j >= 0 && (i as usize) < own.size[0] && (j as usize) < own.size[1];
-            if inside {
-                let index = j as usize * own.size[0] + i as usize;
-                out.values[index] = own.values[index];
-            }
-        }
-    }
 }

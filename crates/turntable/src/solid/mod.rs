@@ -16,6 +16,7 @@ mod redraw;
 mod report;
 mod rounding;
 mod section;
+mod smoothing;
 mod solid_views;
 mod symmetry;
 #[cfg(test)]
@@ -259,7 +260,10 @@ fn full_mesh(
         None => surface_of(field, options),
         Some(bounds) => surface_of(&bounds.applied(field), options),
     };
-    let without = || surface(&field);
+    let without = || match options.kind {
+        SolidKind::Creased => surface(&smoothing::smoothed(&field, &slices, &directions)),
+        _ => surface(&field),
+    };
     let asks = options.prior != Switch::Off && options.kind == SolidKind::Creased;
     let (mesh, full_faces) = if asks {
         let has_depth = report.carving_views > 0;

@@ -7,16 +7,19 @@
 //! | `fill` | colours of vertices that no drawing sees, from those around them |
 //! | `atlas` | faces laid out in islands on one square |
 //! | `bake` | the islands' texels |
+//! | `relief` | lines inside of outlines as grooves |
 
 mod atlas;
 mod bake;
 mod blend;
 mod fill;
 mod paint;
+mod relief;
 
 use image::RgbImage;
 use mesh::Mesh;
 use mesh::shading::ShadedMesh;
+use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use crate::draft::Draft;
@@ -35,6 +38,19 @@ pub struct Textured {
     pub coordinates: Vec<[f32; 2]>,
     /// sRGB, square, its side a power of two.
     pub texture: RgbImage,
+}
+
+impl Textured {
+    /// The texture's lines as grooves, a normal map as glTF has them.
+    pub fn normal_map(&self) -> RgbImage {
+        relief::normal_map(&self.texture)
+    }
+
+    /// Per position the normal map's X, a unit vector, and the sign of its Y: the cross product
+    /// of normal and X times it.
+    pub fn tangents(&self) -> Vec<(Vector3<f64>, f32)> {
+        relief::tangents(&self.mesh, &self.coordinates)
+    }
 }
 
 /// Bakes the drawings' colours into one texture; `None` for a draft without triangles.

@@ -3,7 +3,7 @@
 use frames::Azimuth;
 use image::{GrayImage, Luma, Rgb};
 use mesh::colour::srgb_byte_from_linear;
-use nalgebra::{Point3, Vector3};
+use nalgebra::Point3;
 use progress::Silent;
 use sheet::{Sheet, View};
 

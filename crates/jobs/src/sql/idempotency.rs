@@ -3,9 +3,8 @@
 use std::time::Duration;
 
 use jiff::{SignedDuration, Timestamp};
-use sqlx::SqliteConnection;
 
-use super::backend;
+use super::{Connection, backend};
 use crate::{Idempotency, JobId, StoreError, TenantName};
 
 /// How long a key is remembered.
@@ -16,14 +15,14 @@ const REMEMBERED: Duration = Duration::from_secs(24 * 3600);
 /// # Errors
 /// [`StoreError::OtherUpload`] if the key came with another upload.
 pub(super) async fn find(
-    connection: &mut SqliteConnection,
+    connection: &mut Connection,
     tenant: &TenantName,
     given: &Idempotency,
     now: Timestamp,
 ) -> Result<Option<JobId>, StoreError> {
     let found: Option<(String, String)> = sqlx::query_as(
         "SELECT fingerprint, job_id FROM idempotency
-         WHERE tenant = ?1 AND key = ?2 AND at_ms > ?3",
+         WHERE tenant = $1 AND key = $2 AND at_ms > $3",
     )
     .bind(tenant.as_str())
     .bind(&given.key)
@@ -40,15 +39,17 @@ pub(super) async fn find(
 
 /// Remembers what the key became.
 pub(super) async fn remember(
-    connection: &mut SqliteConnection,
+    connection: &mut Connection,
     tenant: &TenantName,
     given: &Idempotency,
     job: JobId,
     now: Timestamp,
 ) -> Result<(), StoreError> {
     sqlx::query(
-        "INSERT OR REPLACE INTO idempotency (tenant, key, fingerprint, job_id, at_ms)
-         VALUES (?1, ?2, ?3, ?4, ?5)",
+        "INSERT INTO idempotency (tenant, key, fingerprint, job_id, at_ms)
+         VALUES ($1, $2, $3, $4, $5)
+         ON CONFLICT (tenant, key) DO UPDATE
+         SET fingerprint = excluded.fingerprint, job_id = excluded.job_id, at_ms = excluded.at_ms",
     )
     .bind(tenant.as_str())
     .bind(&given.key)
@@ -59,8 +60,9 @@ pub(super) async fn remember(
     .await
     .map_err(backend)?;
     // On the way, those that are remembered no more.
-    sqlx::query("DELETE FROM idempotency WHERE at_ms <= ?1")
+    sqlx::query("DELETE FROM idempotency WHERE at_ms <= $1 AND tenant = $2")
         .bind(oldest(now))
+        .bind(tenant.as_str())
         .execute(connection)
         .await
         .map_err(backend)?;

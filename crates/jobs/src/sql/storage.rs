@@ -1,23 +1,26 @@
-//! Stored bytes on SQLite.
+//! Stored bytes.
 
 use async_trait::async_trait;
-use sqlx::{Sqlite, SqliteConnection, Transaction};
+use sqlx::Transaction;
 
-use super::{SqliteStore, backend, ownerless};
+use super::access::expect_tenant;
+use super::{Connection, Db, Store, backend, commit_error, ownerless};
 use crate::storage::StorageStore;
-use crate::{JobId, StoreError, TenantName};
+use crate::{JobId, StoreError, TenantName, Uptime};
 
 /// Rows that are measured in one go.
 const MEASURED_AT_A_TIME: u32 = 100;
 
 /// Bytes stored for the tenant, or for all.
 pub(super) async fn stored(
-    connection: &mut SqliteConnection,
+    connection: &mut Connection,
     tenant: Option<&TenantName>,
 ) -> Result<u64, StoreError> {
     let bytes: i64 = sqlx::query_scalar(
-        "SELECT (SELECT coalesce(sum(bytes), 0) FROM jobs WHERE ?1 IS NULL OR tenant = ?1)
-              + (SELECT coalesce(sum(bytes), 0) FROM pages WHERE ?1 IS NULL OR tenant = ?1)",
+        "SELECT CAST(
+             (SELECT coalesce(sum(bytes), 0) FROM jobs WHERE $1 IS NULL OR tenant = $1)
+             + (SELECT coalesce(sum(bytes), 0) FROM pages WHERE $1 IS NULL OR tenant = $1)
+         AS BIGINT)",
     )
     .bind(tenant.map(TenantName::as_str))
     .fetch_one(connection)
@@ -28,48 +31,52 @@ pub(super) async fn stored(
 
 /// Refuses `more` bytes if the tenant would then have over `most`.
 pub(super) async fn expect_room(
-    connection: &mut SqliteConnection,
+    connection: &mut Connection,
     tenant: &TenantName,
     more: u64,
     most: Option<u64>,
 ) -> Result<(), StoreError> {
     let Some(most) = most else { return Ok(()) };
+    expect_tenant(connection, tenant).await?;
     if stored(connection, Some(tenant)).await?.saturating_add(more) <= most {
         return Ok(());
     }
     Err(StoreError::TooManyBytes { tenant: tenant.clone(), most })
 }
 
-impl SqliteStore {
+impl Store {
     /// Ends a deletion: the jobs and pages were deleted, and their bytes are
     /// ownerless from now on.
     pub(super) async fn let_go(
         &self,
-        mut transaction: Transaction<'static, Sqlite>,
+        mut transaction: Transaction<'static, Db>,
         ids: Vec<String>,
+        now: &Uptime,
     ) -> Result<Vec<JobId>, StoreError> {
         let ids: Vec<JobId> = ids.iter().filter_map(|id| id.parse().ok()).collect();
         for id in &ids {
-            ownerless::add(&mut transaction, *id, &self.clock.uptime()).await?;
+            ownerless::add(&mut transaction, *id, now).await?;
         }
-        transaction.commit().await.map_err(backend)?;
+        transaction.commit().await.map_err(commit_error)?;
         Ok(ids)
     }
 
     async fn try_expire(&self) -> Result<Vec<JobId>, StoreError> {
         const JOBS: &str = "jobs WHERE state IN ('succeeded', 'failed', 'cancelled')
-            AND (delete_requested = 1 OR (pinned = 0 AND expires_ms <= ?1))";
-        const PAGES: &str = "pages WHERE expires_ms <= ?1";
-        let now_ms = self.clock.now().as_millisecond();
+            AND (delete_requested = 1 OR (pinned = 0 AND expires_ms <= $1))";
+        const PAGES: &str = "pages WHERE expires_ms <= $1";
+        let mut connection = self.readers().acquire().await.map_err(backend)?;
+        let now_ms = self.present(&mut connection).await?.time.as_millisecond();
         let found = sqlx::AssertSqlSafe(format!(
             "SELECT EXISTS (SELECT 1 FROM {JOBS}) OR EXISTS (SELECT 1 FROM {PAGES})"
         ));
-        let found = sqlx::query_scalar(found).bind(now_ms).fetch_one(&self.readers);
+        let found = sqlx::query_scalar(found).bind(now_ms).fetch_one(&mut *connection);
         let found: bool = found.await.map_err(backend)?;
+        drop(connection);
         if !found {
             return Ok(Vec::new());
         }
-        let mut transaction = self.begin().await?;
+        let (mut transaction, now) = self.begin().await?;
         let mut gone = Vec::new();
         for table in [JOBS, PAGES] {
             let delete = sqlx::AssertSqlSafe(format!("DELETE FROM {table} RETURNING id"));
@@ -77,11 +84,11 @@ impl SqliteStore {
             let deleted: Vec<String> = deleted.await.map_err(backend)?;
             gone.extend(deleted);
         }
-        self.let_go(transaction, gone).await
+        self.let_go(transaction, gone, &now.uptime).await
     }
 
     async fn try_make_room(&self, most: u64) -> Result<Vec<JobId>, StoreError> {
-        let mut transaction = self.begin().await?;
+        let (mut transaction, now) = self.begin().await?;
         let mut over = stored(&mut transaction, None).await?.saturating_sub(most);
         let mut gone = Vec::new();
         let oldest: Vec<(String, Option<i64>)> = if over == 0 {
@@ -91,7 +98,7 @@ impl SqliteStore {
                 "SELECT id, bytes FROM (
                      SELECT id, bytes, finished_ms AS at_ms FROM jobs
                      WHERE pinned = 0 AND state IN ('succeeded', 'failed', 'cancelled')
-                     UNION ALL SELECT id, bytes, changed_ms FROM pages)
+                     UNION ALL SELECT id, bytes, changed_ms FROM pages) AS kept
                  ORDER BY at_ms, id",
             )
             .fetch_all(&mut *transaction)
@@ -102,53 +109,57 @@ impl SqliteStore {
             if over == 0 {
                 break;
             }
-            for sql in ["DELETE FROM jobs WHERE id = ?1", "DELETE FROM pages WHERE id = ?1"] {
+            for sql in [
+                // It may be pinned by now.
+                "DELETE FROM jobs WHERE id = $1 AND pinned = 0",
+                "DELETE FROM pages WHERE id = $1",
+            ] {
                 let delete = sqlx::query(sql).bind(&id).execute(&mut *transaction);
                 delete.await.map_err(backend)?;
             }
             over = over.saturating_sub(bytes.unwrap_or(0).cast_unsigned());
             gone.push(id);
         }
-        self.let_go(transaction, gone).await
+        self.let_go(transaction, gone, &now.uptime).await
     }
 }
 
 #[async_trait]
-impl StorageStore for SqliteStore {
+impl StorageStore for Store {
     async fn stored_bytes(&self, tenant: Option<&TenantName>) -> Result<u64, StoreError> {
-        let mut connection = self.readers.acquire().await.map_err(backend)?;
+        let mut connection = self.readers().acquire().await.map_err(backend)?;
         stored(&mut connection, tenant).await
     }
 
     async fn unmeasured(&self) -> Result<Vec<JobId>, StoreError> {
         let found: Vec<String> = sqlx::query_scalar(
             "SELECT id FROM jobs WHERE bytes IS NULL AND state NOT IN ('queued', 'running')
-             UNION ALL SELECT id FROM pages WHERE bytes IS NULL LIMIT ?1",
+             UNION ALL SELECT id FROM pages WHERE bytes IS NULL LIMIT $1",
         )
-        .bind(MEASURED_AT_A_TIME)
-        .fetch_all(&self.readers)
+        .bind(i64::from(MEASURED_AT_A_TIME))
+        .fetch_all(self.readers())
         .await
         .map_err(backend)?;
         Ok(found.iter().filter_map(|id| id.parse().ok()).collect())
     }
 
     async fn measured(&self, id: JobId, bytes: u64) -> Result<(), StoreError> {
-        let mut transaction = self.begin().await?;
+        let (mut transaction, _) = self.begin().await?;
         for sql in [
-            "UPDATE jobs SET bytes = ?2 WHERE id = ?1 AND bytes IS NULL",
-            "UPDATE pages SET bytes = ?2 WHERE id = ?1 AND bytes IS NULL",
+            "UPDATE jobs SET bytes = $2 WHERE id = $1 AND bytes IS NULL",
+            "UPDATE pages SET bytes = $2 WHERE id = $1 AND bytes IS NULL",
         ] {
             let write = sqlx::query(sql).bind(id.to_string()).bind(bytes.cast_signed());
             write.execute(&mut *transaction).await.map_err(backend)?;
         }
-        transaction.commit().await.map_err(backend)
+        transaction.commit().await.map_err(commit_error)
     }
 
     async fn expire(&self) -> Result<Vec<JobId>, StoreError> {
-        self.with_reserve(|| self.try_expire()).await
+        self.insist(|| self.try_expire()).await
     }
 
     async fn make_room(&self, most: u64) -> Result<Vec<JobId>, StoreError> {
-        self.with_reserve(|| self.try_make_room(most)).await
+        self.insist(|| self.try_make_room(most)).await
     }
 }

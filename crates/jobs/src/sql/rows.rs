@@ -7,11 +7,10 @@ use jiff::Timestamp;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
-use sqlx::sqlite::SqliteRow;
-use sqlx::{FromRow, Row, SqliteConnection};
+use sqlx::{FromRow, Row as _};
 
 use super::access::tenant_name;
-use super::backend;
+use super::{Connection, LOCK, Row, backend};
 use crate::record::{Change, Record};
 use crate::{Event, Job, JobId, JobState, StoreError, Tags, Uptime};
 
@@ -23,28 +22,28 @@ struct Unreadable {
     value: String,
 }
 
-impl<'r> FromRow<'r, SqliteRow> for Record {
-    fn from_row(row: &'r SqliteRow) -> sqlx::Result<Self> {
+impl<'r> FromRow<'r, Row> for Record {
+    fn from_row(row: &'r Row) -> sqlx::Result<Self> {
         let boot: Arc<str> = text(row, "boot")?.into();
         let uptime = |ms| Uptime { boot: Arc::clone(&boot), ms };
         let job = Job {
             id: JobId(text(row, "id")?.parse().map_err(decode)?),
             tenant: tenant_name(row, "tenant")?,
             kind: text(row, "kind")?,
-            priority: row.try_get("priority")?,
+            priority: integer(row, "priority")?,
             tags: Tags {
                 name: row.try_get("name")?,
                 labels: json(row, "labels")?,
                 expires_at: optional_time(row, "expires_ms")?,
-                pinned: row.try_get("pinned")?,
+                pinned: flag(row, "pinned")?,
             },
             webhook: row.try_get("webhook")?,
             payload: json(row, "payload")?,
             state: named(row, "state")?,
-            attempt: row.try_get("attempt")?,
-            attempts_used: row.try_get("attempts_used")?,
-            max_attempts: row.try_get("max_attempts")?,
-            cancel_requested: row.try_get("cancel_requested")?,
+            attempt: integer(row, "attempt")?,
+            attempts_used: integer(row, "attempts_used")?,
+            max_attempts: integer(row, "max_attempts")?,
+            cancel_requested: flag(row, "cancel_requested")?,
             progress: optional_json(row, "progress")?,
             failure: optional_json(row, "failure")?,
             artifacts: json(row, "artifacts")?,
@@ -59,13 +58,13 @@ impl<'r> FromRow<'r, SqliteRow> for Record {
             worker: row.try_get("worker")?,
             lease_until: row.try_get::<Option<i64>, _>("lease_until_ms")?.map(uptime),
             not_before: uptime(row.try_get("not_before_ms")?),
-            troubles: row.try_get("troubles")?,
+            troubles: integer(row, "troubles")?,
         })
     }
 }
 
-impl<'r> FromRow<'r, SqliteRow> for Event {
-    fn from_row(row: &'r SqliteRow) -> sqlx::Result<Self> {
+impl<'r> FromRow<'r, Row> for Event {
+    fn from_row(row: &'r Row) -> sqlx::Result<Self> {
         Ok(Self {
             number: row.try_get::<i64, _>("number")?.cast_unsigned(),
             at: time(row, "at_ms")?,
@@ -75,40 +74,47 @@ impl<'r> FromRow<'r, SqliteRow> for Event {
     }
 }
 
-pub(super) async fn load(
-    connection: &mut SqliteConnection,
-    id: JobId,
-) -> Result<Record, StoreError> {
+pub(super) async fn load(connection: &mut Connection, id: JobId) -> Result<Record, StoreError> {
+    let row = sqlx::query("SELECT * FROM jobs WHERE id = $1").bind(id.to_string());
+    let row = row.fetch_optional(connection).await.map_err(backend)?;
+    record(row.as_ref())?.ok_or(StoreError::NotFound(id))
+}
+
+/// Loads a job that nobody else may change until the transaction ends.
+pub(super) async fn lock(connection: &mut Connection, id: JobId) -> Result<Record, StoreError> {
     find(connection, &id.to_string()).await?.ok_or(StoreError::NotFound(id))
 }
 
+/// As [`lock`]; `None` if there is no such job.
 pub(super) async fn find(
-    connection: &mut SqliteConnection,
+    connection: &mut Connection,
     id: &str,
 ) -> Result<Option<Record>, StoreError> {
-    let row = sqlx::query("SELECT * FROM jobs WHERE id = ?1").bind(id);
-    let row = row.fetch_optional(connection).await.map_err(backend)?;
-    row.as_ref().map(Record::from_row).transpose().map_err(unreadable)
+    let row = sqlx::AssertSqlSafe(format!("SELECT * FROM jobs WHERE id = $1{LOCK}"));
+    let row = sqlx::query(row).bind(id).fetch_optional(connection).await.map_err(backend)?;
+    record(row.as_ref())
 }
 
-/// The state alone, which every row has.
-pub(super) async fn state(
-    connection: &mut SqliteConnection,
-    id: JobId,
-) -> Result<JobState, StoreError> {
-    let row = sqlx::query("SELECT state FROM jobs WHERE id = ?1").bind(id.to_string());
+pub(super) fn record(row: Option<&Row>) -> Result<Option<Record>, StoreError> {
+    row.map(Record::from_row).transpose().map_err(unreadable)
+}
+
+/// The state alone, which every row has; the job is locked as by [`lock`].
+pub(super) async fn state(connection: &mut Connection, id: JobId) -> Result<JobState, StoreError> {
+    let row = sqlx::AssertSqlSafe(format!("SELECT state FROM jobs WHERE id = $1{LOCK}"));
+    let row = sqlx::query(row).bind(id.to_string());
     let row = row.fetch_optional(connection).await.map_err(backend)?;
     named(&row.ok_or(StoreError::NotFound(id))?, "state").map_err(unreadable)
 }
 
 /// The id of a listed row.
-pub(super) fn id(row: &SqliteRow) -> Option<JobId> {
+pub(super) fn id(row: &Row) -> Option<JobId> {
     text(row, "id").ok()?.parse().ok()
 }
 
 /// The job of a listed row. One that can't be read is left out: it must not
 /// take the others with it.
-pub(super) fn job(row: &SqliteRow) -> Option<Job> {
+pub(super) fn job(row: &Row) -> Option<Job> {
     match Record::from_row(row) {
         Ok(record) => Some(record.job),
         Err(error) => {
@@ -124,7 +130,7 @@ fn unreadable(error: sqlx::Error) -> StoreError {
 }
 
 pub(super) async fn insert(
-    connection: &mut SqliteConnection,
+    connection: &mut Connection,
     record: &Record,
     bytes: u64,
 ) -> Result<(), StoreError> {
@@ -134,27 +140,27 @@ pub(super) async fn insert(
              cancel_requested, boot, not_before_ms, artifacts, created_ms, version, tenant,
              priority, name, labels, expires_ms, pinned, webhook,
              bytes)
-         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, '[]', ?11, ?12, ?13, ?14,
-             ?15, ?16, ?17, ?18, ?19, ?20)",
+         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, '[]', $11, $12, $13, $14,
+             $15, $16, $17, $18, $19, $20)",
     )
     .bind(job.id.to_string())
     .bind(&job.kind)
     .bind(job.payload.to_string())
     .bind(name(&job.state)?)
-    .bind(job.attempt)
-    .bind(job.attempts_used)
-    .bind(job.max_attempts)
-    .bind(job.cancel_requested)
+    .bind(i64::from(job.attempt))
+    .bind(i64::from(job.attempts_used))
+    .bind(i64::from(job.max_attempts))
+    .bind(i64::from(job.cancel_requested))
     .bind(&*record.not_before.boot)
     .bind(record.not_before.ms)
     .bind(job.created_at.as_millisecond())
     .bind(job.version.cast_signed())
     .bind(job.tenant.as_str())
-    .bind(job.priority)
+    .bind(i64::from(job.priority))
     .bind(&job.tags.name)
     .bind(serde_json::to_string(&job.tags.labels).map_err(backend)?)
     .bind(job.tags.expires_at.map(Timestamp::as_millisecond))
-    .bind(job.tags.pinned)
+    .bind(i64::from(job.tags.pinned))
     .bind(&job.webhook)
     .bind(bytes.cast_signed())
     .execute(connection)
@@ -164,24 +170,21 @@ pub(super) async fn insert(
 }
 
 /// Writes everything that may change in a job's life.
-pub(super) async fn save(
-    connection: &mut SqliteConnection,
-    record: &Record,
-) -> Result<(), StoreError> {
+pub(super) async fn save(connection: &mut Connection, record: &Record) -> Result<(), StoreError> {
     let job = &record.job;
     let failure = job.failure.as_ref().map(serde_json::to_string).transpose().map_err(backend)?;
     sqlx::query(
-        "UPDATE jobs SET state = ?2, attempt = ?3, attempts_used = ?4, cancel_requested = ?5,
-             worker = ?6, lease_until_ms = ?7, not_before_ms = ?8, progress = ?9, failure = ?10,
-             artifacts = ?11, started_ms = ?12, finished_ms = ?13, version = ?14,
-             summary = ?15, boot = ?16, troubles = ?17
-         WHERE id = ?1",
+        "UPDATE jobs SET state = $2, attempt = $3, attempts_used = $4, cancel_requested = $5,
+             worker = $6, lease_until_ms = $7, not_before_ms = $8, progress = $9, failure = $10,
+             artifacts = $11, started_ms = $12, finished_ms = $13, version = $14,
+             summary = $15, boot = $16, troubles = $17
+         WHERE id = $1",
     )
     .bind(job.id.to_string())
     .bind(name(&job.state)?)
-    .bind(job.attempt)
-    .bind(job.attempts_used)
-    .bind(job.cancel_requested)
+    .bind(i64::from(job.attempt))
+    .bind(i64::from(job.attempts_used))
+    .bind(i64::from(job.cancel_requested))
     .bind(&record.worker)
     .bind(record.lease_until.as_ref().map(|until| until.ms))
     .bind(record.not_before.ms)
@@ -194,7 +197,7 @@ pub(super) async fn save(
     .bind(job.summary.as_ref().map(Value::to_string))
     // A running job is not waited for: the moment that counts is its lease's.
     .bind(&*record.lease_until.as_ref().unwrap_or(&record.not_before).boot)
-    .bind(record.troubles)
+    .bind(i64::from(record.troubles))
     .execute(connection)
     .await
     .map_err(backend)?;
@@ -203,13 +206,13 @@ pub(super) async fn save(
 
 /// Appends the event that goes with the job's version.
 pub(super) async fn append(
-    connection: &mut SqliteConnection,
+    connection: &mut Connection,
     job: &Job,
     change: &Change,
     at: Timestamp,
 ) -> Result<(), StoreError> {
     sqlx::query(
-        "INSERT INTO events (job_id, number, at_ms, kind, data) VALUES (?1, ?2, ?3, ?4, ?5)",
+        "INSERT INTO events (job_id, number, at_ms, kind, data) VALUES ($1, $2, $3, $4, $5)",
     )
     .bind(job.id.to_string())
     .bind(job.version.cast_signed())
@@ -238,36 +241,52 @@ pub(super) fn decode<E: std::error::Error + Send + Sync + 'static>(error: E) -> 
     sqlx::Error::Decode(Box::new(error))
 }
 
-fn text(row: &SqliteRow, column: &'static str) -> sqlx::Result<String> {
+pub(super) fn text(row: &Row, column: &'static str) -> sqlx::Result<String> {
     row.try_get(column)
 }
 
-pub(super) fn json<T: DeserializeOwned>(row: &SqliteRow, column: &'static str) -> sqlx::Result<T> {
+/// Numbers are stored in 64 bits, and flags as 0 and 1, in every database.
+pub(super) fn integer<T>(row: &Row, column: &'static str) -> sqlx::Result<T>
+where
+    T: TryFrom<i64, Error = std::num::TryFromIntError>,
+{
+    row.try_get::<i64, _>(column)?.try_into().map_err(decode)
+}
+
+pub(super) fn optional_integer<T>(row: &Row, column: &'static str) -> sqlx::Result<Option<T>>
+where
+    T: TryFrom<i64, Error = std::num::TryFromIntError>,
+{
+    row.try_get::<Option<i64>, _>(column)?.map(T::try_from).transpose().map_err(decode)
+}
+
+fn flag(row: &Row, column: &'static str) -> sqlx::Result<bool> {
+    Ok(row.try_get::<i64, _>(column)? != 0)
+}
+
+pub(super) fn json<T: DeserializeOwned>(row: &Row, column: &'static str) -> sqlx::Result<T> {
     serde_json::from_str(row.try_get(column)?).map_err(decode)
 }
 
 pub(super) fn optional_json<T: DeserializeOwned>(
-    row: &SqliteRow,
+    row: &Row,
     column: &'static str,
 ) -> sqlx::Result<Option<T>> {
     let text: Option<&str> = row.try_get(column)?;
     text.map(serde_json::from_str).transpose().map_err(decode)
 }
 
-pub(super) fn named<T: DeserializeOwned>(row: &SqliteRow, column: &'static str) -> sqlx::Result<T> {
+pub(super) fn named<T: DeserializeOwned>(row: &Row, column: &'static str) -> sqlx::Result<T> {
     let value = text(row, column)?;
     serde_json::from_value(Value::String(value.clone()))
         .map_err(|_| decode(Unreadable { column, value }))
 }
 
-pub(super) fn time(row: &SqliteRow, column: &'static str) -> sqlx::Result<Timestamp> {
+pub(super) fn time(row: &Row, column: &'static str) -> sqlx::Result<Timestamp> {
     Timestamp::from_millisecond(row.try_get(column)?).map_err(decode)
 }
 
-pub(super) fn optional_time(
-    row: &SqliteRow,
-    column: &'static str,
-) -> sqlx::Result<Option<Timestamp>> {
+pub(super) fn optional_time(row: &Row, column: &'static str) -> sqlx::Result<Option<Timestamp>> {
     let ms: Option<i64> = row.try_get(column)?;
     ms.map(Timestamp::from_millisecond).transpose().map_err(decode)
 }

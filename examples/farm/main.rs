@@ -1,0 +1,37 @@
+//! A farm on this machine: how soon its jobs begin, and what it loses when everything breaks.
+//!
+//! ```text
+//! cargo build --release && cargo run --release --example farm -- latency [JOBS]
+//! cargo build --release && cargo run --release --example farm -- chaos [SECONDS [JOBS [SEED]]]
+//! ```
+//!
+//! PostgreSQL and an S3 server run in temporary folders, the nodes are processes of the program
+//! beside this one. `latency` has one idle worker, on a farm and on the embedded stores. `chaos`
+//! has two API nodes and three workers, and prints a ledger; its exit status is 1 if anything was
+//! lost, ended twice or was left over.
+
+mod chaos;
+mod latency;
+mod nodes;
+mod upload;
+
+use std::env;
+use std::error::Error;
+
+type Result<T> = std::result::Result<T, Box<dyn Error>>;
+
+#[tokio::main]
+async fn main() -> Result<()> {
+    // `reqwest` leaves the choice to the program, also where there is no TLS.
+    let _ = rustls::crypto::ring::default_provider().install_default();
+    let mut arguments = env::args().skip(1);
+    let what = arguments.next();
+    let numbers =
+        arguments.map(|text| text.parse()).collect::<std::result::Result<Vec<u64>, _>>()?;
+    let number = |at: usize, default| numbers.get(at).copied().unwrap_or(default);
+    match what.as_deref() {
+        Some("latency") => latency::measure(number(0, 50)).await,
+        Some("chaos") => chaos::run(number(0, 240), number(1, 200), number(2, 1)).await,
+        _ => Err("latency or chaos?".into()),
+    }
+}

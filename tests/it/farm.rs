@@ -1,0 +1,211 @@
+//! Nodes of a farm: processes of their own on one PostgreSQL database and one
+//! bucket.
+
+use std::collections::HashSet;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use futures::future::join_all;
+use jobs::bytes::ByteStore;
+use jobs::{EventKind, JobId, JobState, JobStore, PostgresOptions, PostgresStore};
+use serde_json::Value;
+use sha2::{Digest, Sha256};
+use testbed::{BUCKET, Durability, Postgres, S3};
+
+use crate::faults::process::{PATIENCE, Process, sheet};
+use crate::service_crash::form;
+
+/// The services that nodes share.
+struct Farm {
+    postgres: Postgres,
+    s3: S3,
+    database: String,
+    /// Nodes have no file in common, and leave none behind.
+    folder: tempfile::TempDir,
+}
+
+impl Farm {
+    fn start() -> Self {
+        let (postgres, s3) = (Postgres::start(Durability::None), S3::start());
+        let database = postgres.database();
+        Self { postgres, s3, database, folder: tempfile::tempdir().unwrap() }
+    }
+
+    fn command(&self, name: &str) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_turnaround"));
+        command.arg(name).current_dir(self.folder.path()).envs(self.s3.environment());
+        command.env("TURNAROUND_DATABASE_URL", &self.database);
+        command.env("TURNAROUND_STORE", self.address());
+        command
+    }
+
+    fn address(&self) -> String {
+        format!("s3://{BUCKET}/farm")
+    }
+
+    /// A node that answers requests and runs nothing.
+    fn api(&self) -> Process {
+        let mut command = self.command("serve");
+        command.args(["--listen", "127.0.0.1:0", "--workers", "0"]);
+        Process::spawn(command)
+    }
+
+    fn worker(&self) -> Worker {
+        let mut command = self.command("worker");
+        command.args(["--threads-per-job", "1", "--lease", "2", "--heartbeat", "1"]);
+        Worker(command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap())
+    }
+
+    async fn store(&self) -> PostgresStore {
+        PostgresStore::open(&self.database, &PostgresOptions::default()).await.unwrap()
+    }
+
+    fn bytes(&self) -> ByteStore {
+        ByteStore::s3(&self.address(), self.s3.environment()).unwrap()
+    }
+}
+
+/// A node that runs jobs; killed without warning when dropped.
+struct Worker(Child);
+
+impl Worker {
+    fn signal(&self, name: &str) {
+        let pid = self.0.id().to_string();
+        assert!(Command::new("kill").args(["-s", name, &pid]).status().unwrap().success());
+    }
+}
+
+impl Drop for Worker {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        self.0.wait().unwrap();
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn nodes_are_one_service() {
+    let farm = Farm::start();
+    let nodes = [farm.api(), farm.api()];
+    let posts = (0..100).map(|number| {
+        let node = &nodes[number % 2];
+        let request = node.post("/v1/reconstructions").header("idempotency-key", "once");
+        async move {
+            let response = request.multipart(sheet()).send().await.unwrap();
+            let (status, body) = (response.status(), response.json::<Value>().await.unwrap());
+            assert_eq!(status, 202, "{body}");
+            body["id"].as_str().unwrap().to_owned()
+        }
+    });
+    let ids: HashSet<String> = join_all(posts).await.into_iter().collect();
+    assert_eq!(ids.len(), 1, "one key became several jobs");
+    let id = ids.into_iter().next().unwrap();
+    let store = farm.store().await;
+    assert_eq!(store.ids().await.unwrap().len(), 1);
+    let path = format!("/v1/reconstructions/{id}");
+
+    // Followed through one node, run by another, fetched through a third.
+    let following = nodes[0].get(&format!("{path}/events")).send();
+    let _worker = farm.worker();
+    let events = following.await.unwrap().text().await.unwrap();
+    assert!(events.contains("event: started") && events.contains("event: progress"), "{events}");
+    assert_eq!(events.matches("event: succeeded").count(), 1, "{events}");
+    let job = store.get(id.parse().unwrap()).await.unwrap();
+    let solid = job.artifacts.iter().find(|it| it.name == "solid.glb").unwrap();
+    let artifact = format!("{path}/artifacts/solid.glb");
+    let whole = nodes[1].get(&artifact).send().await.unwrap().bytes().await.unwrap();
+    assert_eq!(hex::encode(Sha256::digest(&whole)), solid.sha256);
+    let part = nodes[1].get(&artifact).header("range", "bytes=10-99").send().await.unwrap();
+    assert_eq!(part.status(), 206);
+    assert_eq!(part.bytes().await.unwrap(), whole[10..100]);
+    assert_eq!(std::fs::read_dir(farm.folder.path()).unwrap().count(), 0, "a file was left");
+}
+
+/// A worker that the system stopped loses its job to another; when it goes on, its
+/// late result is refused and its bytes are deleted.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_worker_that_stood_still_changes_nothing() {
+    let farm = Farm::start();
+    let node = farm.api();
+    let store = farm.store().await;
+    let still = farm.worker();
+    let answer = node.post("/v1/reconstructions").multipart(form(1)).send().await.unwrap();
+    let answer: Value = answer.json().await.unwrap();
+    let id: JobId = answer["id"].as_str().unwrap().parse().unwrap();
+    until(async || store.get(id).await.unwrap().progress.is_some()).await;
+    still.signal("STOP");
+    let other = farm.worker();
+    until(async || store.get(id).await.unwrap().state == JobState::Succeeded).await;
+    drop(other);
+    let ended = store.get(id).await.unwrap();
+    assert!(ended.attempt > 1, "{ended:?}");
+
+    still.signal("CONT");
+    let bytes = farm.bytes();
+    until(async || bytes.attempts(id).await.unwrap() == [ended.attempt]).await;
+    // It would have come to its end by now.
+    tokio::time::sleep(Duration::from_secs(3)).await;
+    assert_eq!(store.get(id).await.unwrap(), ended);
+    assert_eq!(bytes.attempts(id).await.unwrap(), [ended.attempt]);
+    let events = store.events(id, 0).await.unwrap();
+    let ends: Vec<_> = events.iter().filter(|event| event.kind.is_final()).collect();
+    assert_eq!(ends.len(), 1);
+    assert_eq!(ends[0].kind, EventKind::Succeeded);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_cancellation_is_seen_on_another_node_within_a_second() {
+    let farm = Farm::start();
+    let node = farm.api();
+    let store = farm.store().await;
+    let _worker = farm.worker();
+    let answer = node.post("/v1/reconstructions").multipart(form(2)).send().await.unwrap();
+    let answer: Value = answer.json().await.unwrap();
+    let id: JobId = answer["id"].as_str().unwrap().parse().unwrap();
+    until(async || store.get(id).await.unwrap().progress.is_some()).await;
+    let asked = Instant::now();
+    let cancelled = node.post(&format!("/v1/reconstructions/{id}/cancel")).send().await.unwrap();
+    assert!(cancelled.status().is_success(), "{}", cancelled.status());
+    until(async || store.get(id).await.unwrap().state == JobState::Cancelled).await;
+    assert!(asked.elapsed() < Duration::from_secs(1), "{:?}", asked.elapsed());
+}
+
+/// Requests are refused as such while there is no database, and all is well when
+/// it is back.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_node_outlives_its_database() {
+    let mut farm = Farm::start();
+    let node = farm.api();
+    let (status, body) = node.upload().await;
+    assert_eq!(status, 202, "{body}");
+    farm.postgres.stop();
+    let ready = node.get("/health/ready").send().await.unwrap();
+    assert_eq!(ready.status(), 503);
+    let (status, problem) = node.upload().await;
+    assert_eq!(status, 503, "{problem}");
+    farm.postgres.resume();
+    node.until("/health/ready", |status, _| status == 200).await;
+    let _worker = farm.worker();
+    let path = format!("/v1/reconstructions/{}", body["id"].as_str().unwrap());
+    node.until(&path, |_, job| job["state"] == "succeeded").await;
+}
+
+#[test]
+fn keys_are_made_in_the_database_of_a_farm() {
+    let farm = Farm::start();
+    let keys = |arguments: &[&str]| {
+        let output = farm.command("keys").args(arguments).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let key = keys(&["create", "--scope", "read", "--label", "farm"]);
+    let listed = keys(&["list"]);
+    assert!(listed.contains(&key.trim()[..15]) && listed.contains("farm"), "{listed}");
+}
+
+async fn until(is_so: impl AsyncFn() -> bool) {
+    let begun = Instant::now();
+    while !is_so().await {
+        assert!(begun.elapsed() < PATIENCE, "it does not come to it");
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+}
