@@ -57,7 +57,7 @@ pub(crate) fn without_frame(ink: &Bits, stroke_px: f64) -> Cleaned {
     }
     if let Some(frame) = frame_of(&lines_of(ink), ink) {
         let bounds = frame.iter().map(|line| bounds_of(line, w, h)).reduce(|a, b| a.joined(&b));
-        cut_all(&mut cleaned.ink, &frame, stroke_px, Restore::Best);
+        cut_all(&mut cleaned.ink, &frame, &[], stroke_px, Restore::Best);
         cleaned
             .removed
             .push(Removed { kind: RemovedKind::Frame, place: bounds.unwrap_or_default() });
@@ -98,6 +98,7 @@ fn without(
     if w.min(h) < LEAST_PAGE {
         return cleaned;
     }
+    let mut earlier: Vec<Line> = Vec::new();
     for _ in 0..2 {
         let wanted = |kind: &RemovedKind| match kind {
             RemovedKind::GroundLine => options.ground.is_on(),
@@ -118,7 +119,8 @@ fn without(
         };
         cleaned.removed.extend(found.iter().map(place));
         let lines: Vec<Line> = found.into_iter().map(|(line, _)| line).collect();
-        cut_all(&mut cleaned.ink, &lines, stroke_px, restored);
+        cut_all(&mut cleaned.ink, &lines, &earlier, stroke_px, restored);
+        earlier.extend(lines);
     }
     cleaned
 }
@@ -363,6 +365,43 @@ mod tests {
         let cleaned = without_lines(&feet(false), 2.0, &CleanOptions::default());
         assert!(cleaned.removed.is_empty());
         assert_eq!(cleaned.ink.data, feet(false).data);
+    }
+
+    /// Rings and tents between two guides that they touch.
+    fn between_guides() -> (Bits, usize) {
+        let mut ink = Bits::filled(700, 220, false);
+        let rings = [90.0, 260.0, 430.0];
+        for y in 0..220_i64 {
+            for x in 0..700_i64 {
+                let on_ring = |middle: &f64| {
+                    let r = (x as f64 + 0.5 - middle).hypot(y as f64 + 0.5 - 110.0);
+                    (78.0..81.0).contains(&r)
+                };
+                let side = (y as f64 - 30.0) * 0.5;
+                let off = (x as f64 - 600.0).abs() - side;
+                let on_tent = (30..190).contains(&y) && (-3.0..0.0).contains(&off);
+                let on_guide = [29, 30, 189, 190].contains(&y) && (8..692).contains(&x);
+                ink.set(x, y, rings.iter().any(on_ring) || on_tent || on_guide);
+            }
+        }
+        (ink, rings.len())
+    }
+
+    #[test]
+    fn what_is_round_or_pointed_stays_whole_between_guides() {
+        let (ink, rings) = between_guides();
+        let cleaned = without_page_lines(&ink, &ink, 3.0, &CleanOptions::default());
+        assert!(cleaned.removed.len() >= 2, "{:?}", cleaned.removed);
+        let parts = cleaned.ink.components(true).parts;
+        let tall = parts.iter().filter(|part| part.bounds.height() > 140);
+        let widths: Vec<u32> = tall.map(|part| part.bounds.width()).collect();
+        // Each ring in one piece, none joined to the next; the tent's two sides too.
+        assert_eq!(widths.len(), rings + 1, "{widths:?}");
+        assert!(widths.iter().all(|width| (155..170).contains(width)), "{widths:?}");
+        // The rings enclose what they did.
+        let area = filled(&cleaned.ink).count() as f64;
+        let round = std::f64::consts::PI * 80.0 * 80.0 * rings as f64;
+        assert!(area > 0.95 * round, "{area} of {round}");
     }
 
     #[test]

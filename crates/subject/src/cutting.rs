@@ -12,7 +12,7 @@ const AS_HIGH: f64 = 2.5;
 const LEAST_AREA: usize = 6;
 
 /// What of a removed line is drawn again: what closes the figure on it best, or
-/// only where strokes go on across it, which leaves several figures apart.
+/// only where strokes go on across it or meet in it, which leaves several figures apart.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Restore {
     Best,
@@ -20,11 +20,21 @@ pub(crate) enum Restore {
 }
 
 /// Removes `lines` from `ink`, then draws again what `restored` says.
-pub(crate) fn cut_all(ink: &mut Bits, lines: &[Line], stroke_px: f64, restored: Restore) {
+///
+/// * `earlier`: lines that were removed before; what was drawn again of them may have gone now.
+pub(crate) fn cut_all(
+    ink: &mut Bits,
+    lines: &[Line],
+    earlier: &[Line],
+    stroke_px: f64,
+    restored: Restore,
+) {
     let before = ink.clone();
     lines.iter().for_each(|line| cut(ink, line));
     if restored == Restore::Crossings {
         lines.iter().for_each(|line| cross(ink, line));
+        let all = merged(&[earlier, lines].concat());
+        all.iter().for_each(|line| meet(ink, line, stroke_px));
         return;
     }
     for line in lines {
@@ -159,6 +169,119 @@ fn cross(ink: &mut Bits, line: &Line) {
         }
     }
     again.into_iter().for_each(|(along, across)| view.set(along, across, true));
+}
+
+/// Lines of which several were found along the same pixels, as one.
+fn merged(lines: &[Line]) -> Vec<Line> {
+    const SAME_PX: f64 = 2.5;
+    let mut merged: Vec<Line> = Vec::new();
+    for line in lines {
+        let same = |other: &&mut Line| {
+            let (from, to) = (line.from.max(other.from), line.to.min(other.to));
+            line.upright == other.upright
+                && from < to
+                && (line.across(from) - other.across(from)).abs() <= SAME_PX
+                && (line.across(to) - other.across(to)).abs() <= SAME_PX
+        };
+        match merged.iter_mut().find(same) {
+            None => merged.push(line.clone()),
+            Some(other) => {
+                let low = other.from.min(line.from);
+                (other.at, other.from) = (other.across(low), low);
+                other.to = other.to.max(line.to);
+                other.thickness = other.thickness.max(line.thickness);
+            }
+        }
+    }
+    merged
+}
+
+/// A stroke that comes to a removed line from one side.
+struct Arriving {
+    from: usize,
+    to: usize,
+    /// How far it goes along the line for each pixel towards it.
+    lean: f64,
+}
+
+/// Draws stretches of a removed line again in which two strokes from one side meet: the top of
+/// what is round, or comes to a point, and touches a guide.
+fn meet(ink: &mut Bits, line: &Line, stroke_px: f64) {
+    /// Strokes that lean less do not aim at each other; those that lean more are round.
+    const LEAN: f64 = 0.15;
+    const ROUND: f64 = 1.0;
+    /// A parabola's apex is twice as far as its tangent says; drawings are no parabolas.
+    const APEX: f64 = 2.0 * 1.3;
+    for side in [-1.0, 1.0] {
+        let arriving = arriving(ink, line, stroke_px, side);
+        let deep = line.thickness + 2.0;
+        for pair in arriving.windows(2) {
+            let [before, behind] = pair else { continue };
+            let gap = behind.from.saturating_sub(before.to) as f64;
+            let aimed = before.lean >= LEAN && behind.lean <= -LEAN;
+            let round = before.lean >= ROUND && behind.lean <= -ROUND;
+            let reach = if round { APEX } else { 1.0 };
+            if !aimed || gap > reach * deep * (before.lean - behind.lean) {
+                continue;
+            }
+            let mut view = Along { ink, upright: line.upright };
+            for along in before.from..=behind.to {
+                let middle = line.across(along);
+                let outer = middle - side * line.thickness / 2.0;
+                let inner = middle + side * (line.thickness / 2.0 + ASIDE_PX);
+                let is_end = along <= before.to || along >= behind.from;
+                let inner = if is_end { inner } else { middle + side * line.thickness / 2.0 };
+                let (low, high) =
+                    (outer.min(inner).round() as i64, outer.max(inner).round() as i64);
+                (low..high.max(low + 1)).for_each(|y| view.set(along as i64, y, true));
+            }
+        }
+    }
+}
+
+/// Just beside a removed line, px from its edge: what was within is gone with it.
+const ASIDE_PX: f64 = 2.0;
+
+/// The strokes that come to a line from `side`, in their order along it.
+fn arriving(ink: &mut Bits, line: &Line, stroke_px: f64, side: f64) -> Vec<Arriving> {
+    let view = Along { ink, upright: line.upright };
+    let first = line.thickness / 2.0 + ASIDE_PX;
+    let depth = (2.0 * stroke_px + 2.0).max(4.0) as usize;
+    let at = |along: usize, offset: f64| {
+        view.at(along as i64, (line.across(along) + side * offset).floor() as i64)
+    };
+    let runs = |offset: f64, from: usize, to: usize| {
+        let mut runs: Vec<(usize, usize)> = Vec::new();
+        for along in (from..to).filter(|&along| at(along, offset)) {
+            match runs.last_mut() {
+                Some(run) if run.1 + 1 >= along => run.1 = along,
+                _ => runs.push((along, along)),
+            }
+        }
+        runs
+    };
+    let middle = |run: &(usize, usize)| f64::midpoint(run.0 as f64, run.1 as f64);
+    let followed = |run: (usize, usize)| {
+        let mut here = run;
+        for step in 1..=depth {
+            // A stroke goes on beside its last pixels.
+            let (low, high) = (here.0.saturating_sub(1), here.1 + 2);
+            let offset = first + step as f64;
+            let touching = runs(offset, low, high);
+            let (Some(start), Some(end)) = (touching.first(), touching.last()) else { return None };
+            let (mut from, mut to) = (start.0, end.1);
+            while from > line.from && at(from - 1, offset) {
+                from -= 1;
+            }
+            while to + 1 < line.to && at(to + 1, offset) {
+                to += 1;
+            }
+            here = (from, to);
+        }
+        let lean = (middle(&run) - middle(&here)) / depth as f64;
+        Some(Arriving { from: run.0, to: run.1, lean })
+    };
+    runs(first, line.from, line.to).into_iter().filter_map(followed).collect()
 }
 
 /// Where strokes meet a line, as runs along it, if they come from one side only.
