@@ -4,7 +4,7 @@
 
 use divan::Bencher;
 use drawing::{DrawOptions, Drawer, PreparedModel};
-use frames::Azimuth;
+use frames::{Elevation, Viewpoint, ViewpointList};
 use mesh::builtin::ProceduralModel;
 use progress::Silent;
 use sheet::{Sheet, View};
@@ -25,12 +25,11 @@ fn drawn(azimuths: &str) -> Sheet {
     let model = PreparedModel::new(&ProceduralModel::CapedFigure.build()).expect("a model");
     let options = DrawOptions::default();
     let drawer = Drawer::new(&model, &options).expect("usual options");
-    let list: frames::ViewpointList = azimuths.parse().expect("a list of azimuths");
-    let list = list.at(frames::Elevation::LEVEL);
-    let view = |viewpoint: &frames::Viewpoint| {
-        let azimuth = &viewpoint.azimuth;
-        let drawn = drawer.draw_view((*azimuth).into()).expect("a view");
-        View::level(*azimuth, drawn.image.to_luma8(), None)
+    let list: ViewpointList = azimuths.parse().expect("a list of azimuths");
+    let list = list.at(Elevation::LEVEL);
+    let view = |viewpoint: &Viewpoint| {
+        let drawn = drawer.draw_view(*viewpoint).expect("a view");
+        View::level(viewpoint.azimuth, drawn.image.to_luma8(), None)
     };
     Sheet::new(list.iter().map(view).collect()).expect("a sheet")
 }
@@ -60,8 +59,13 @@ fn solid_from_outlines(bencher: Bencher<'_, '_>, azimuths: &str) {
     let sheet = drawn(azimuths);
     let (views, options) = (views(&sheet), TurntableOptions::default());
     let silhouettes = Silhouettes::of_views(&views, &options.silhouette).expect("silhouettes");
-    let input =
-        SolidInput { views: &views, silhouettes: &silhouettes, depth_maps: &[], hole_hints: &[] };
+    let input = SolidInput {
+        views: &views,
+        silhouettes: &silhouettes,
+        elevated: &[],
+        depth_maps: &[],
+        hole_hints: &[],
+    };
     bencher.bench(|| solid::build(&input, &options.solid, &Silent));
 }
 

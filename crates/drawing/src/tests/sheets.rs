@@ -178,16 +178,15 @@ fn views_from_above_and_below_fit_and_are_named() {
     let find = |name: &str| files.iter().find(|file| file.name == name).unwrap();
     let size = |name: &str| {
         let mask = image::load_from_memory(&find(name).bytes).unwrap().into_luma8();
-        let covered: Vec<_> = mask.enumerate_pixels().filter(|p| p.2.0[0] > 0).collect();
-        assert!(covered.iter().all(|(x, y, _)| (1..191).contains(x) && (1..107).contains(y)));
-        let extent = |values: &dyn Fn(&(u32, u32, &image::Luma<u8>)) -> u32| {
-            let (low, high) = covered
+        let covered = mask.enumerate_pixels().filter(|p| p.2.0[0] > 0);
+        let places: Vec<[u32; 2]> = covered.map(|(x, y, _)| [x, y]).collect();
+        assert!(places.iter().all(|[x, y]| (1..191).contains(x) && (1..107).contains(y)));
+        [0, 1].map(|axis| {
+            let (low, high) = places
                 .iter()
-                .map(values)
-                .fold((u32::MAX, 0), |(low, high), v| (low.min(v), high.max(v)));
+                .fold((u32::MAX, 0), |(low, high), p| (low.min(p[axis]), high.max(p[axis])));
             f64::from(high - low + 1)
-        };
-        [extent(&|p| p.0), extent(&|p| p.1)]
+        })
     };
     // Wide and deep from above; its picture turned by a quarter at azimuth 90.
     let [front, top, below] = ["mask_000.png", "mask_000_e90.png", "mask_090_e-90.png"].map(size);
