@@ -34,7 +34,7 @@ pub(crate) fn cut_all(
     if restored == Restore::Crossings {
         lines.iter().for_each(|line| cross(ink, line));
         let all = merged(&[earlier, lines].concat());
-        all.iter().for_each(|line| meet(ink, line, stroke_px));
+        meet(ink, &all, stroke_px);
         return;
     }
     for line in lines {
@@ -197,6 +197,7 @@ fn merged(lines: &[Line]) -> Vec<Line> {
 }
 
 /// A stroke that comes to a removed line from one side.
+#[derive(Clone, Copy)]
 struct Arriving {
     from: usize,
     to: usize,
@@ -204,38 +205,81 @@ struct Arriving {
     lean: f64,
 }
 
-/// Draws stretches of a removed line again in which two strokes from one side meet: the top of
-/// what is round, or comes to a point, and touches a guide.
-fn meet(ink: &mut Bits, line: &Line, stroke_px: f64) {
+/// A stretch of a removed line in which two strokes from one side may meet.
+struct Meeting<'a> {
+    line: &'a Line,
+    side: f64,
+    before: Arriving,
+    behind: Arriving,
+}
+
+/// Draws stretches of removed lines again in which two strokes from one side meet: the top of what
+/// is round and touches a guide.
+///
+/// Figures beside each other lean towards each other too; a stretch is of a figure only if it
+/// closes an area.
+fn meet(ink: &mut Bits, lines: &[Line], stroke_px: f64) {
+    let meetings: Vec<Meeting<'_>> =
+        lines.iter().flat_map(|line| meetings(ink, line, stroke_px)).collect();
+    if meetings.is_empty() {
+        return;
+    }
+    let mut all = ink.clone();
+    meetings.iter().for_each(|meeting| meeting.draw(&mut all));
+    let gained = filled(&all).and_not(&filled(ink)).and_not(&all);
+    let closing = meetings.iter().filter(|meeting| meeting.borders_on(&gained));
+    closing.for_each(|meeting| meeting.draw(ink));
+}
+
+fn meetings<'a>(ink: &mut Bits, line: &'a Line, stroke_px: f64) -> Vec<Meeting<'a>> {
     /// Strokes that lean less do not aim at each other; those that lean more are round.
     const LEAN: f64 = 0.15;
     const ROUND: f64 = 1.0;
     /// A parabola's apex is twice as far as its tangent says; drawings are no parabolas.
     const APEX: f64 = 2.0 * 1.3;
+    let deep = line.thickness + 2.0;
+    let mut meetings = Vec::new();
     for side in [-1.0, 1.0] {
-        let arriving = arriving(ink, line, stroke_px, side);
-        let deep = line.thickness + 2.0;
-        for pair in arriving.windows(2) {
-            let [before, behind] = pair else { continue };
+        for pair in arriving(ink, line, stroke_px, side).windows(2) {
+            let [before, behind] = *pair else { continue };
             let gap = behind.from.saturating_sub(before.to) as f64;
             let aimed = before.lean >= LEAN && behind.lean <= -LEAN;
             let round = before.lean >= ROUND && behind.lean <= -ROUND;
             let reach = if round { APEX } else { 1.0 };
-            if !aimed || gap > reach * deep * (before.lean - behind.lean) {
-                continue;
-            }
-            let mut view = Along { ink, upright: line.upright };
-            for along in before.from..=behind.to {
-                let middle = line.across(along);
-                let outer = middle - side * line.thickness / 2.0;
-                let inner = middle + side * (line.thickness / 2.0 + ASIDE_PX);
-                let is_end = along <= before.to || along >= behind.from;
-                let inner = if is_end { inner } else { middle + side * line.thickness / 2.0 };
-                let (low, high) =
-                    (outer.min(inner).round() as i64, outer.max(inner).round() as i64);
-                (low..high.max(low + 1)).for_each(|y| view.set(along as i64, y, true));
+            if aimed && gap <= reach * deep * (before.lean - behind.lean) {
+                meetings.push(Meeting { line, side, before, behind });
             }
         }
+    }
+    meetings
+}
+
+impl Meeting<'_> {
+    fn draw(&self, ink: &mut Bits) {
+        let Self { line, side, before, behind } = self;
+        let mut view = Along { ink, upright: line.upright };
+        let half = line.thickness / 2.0;
+        for along in before.from..=behind.to {
+            let is_end = along <= before.to || along >= behind.from;
+            let middle = line.across(along);
+            let outer = middle - side * half;
+            let inner = middle + side * (half + if is_end { ASIDE_PX } else { 0.0 });
+            let (low, high) = (outer.min(inner).round() as i64, outer.max(inner).round() as i64);
+            (low..high.max(low + 1)).for_each(|y| view.set(along as i64, y, true));
+        }
+    }
+
+    /// Whether the stretch is on the edge of one of these areas.
+    fn borders_on(&self, areas: &Bits) -> bool {
+        /// So many pixels beside the stretch something of the area shows.
+        const NEAR_PX: usize = 6;
+        let along = usize::midpoint(self.before.to, self.behind.from);
+        (1..=NEAR_PX).any(|px| {
+            let offset = self.line.thickness / 2.0 + px as f64;
+            let across = (self.line.across(along) + self.side * offset).floor() as i64;
+            let along = along as i64;
+            if self.line.upright { areas.at(across, along) } else { areas.at(along, across) }
+        })
     }
 }
 
