@@ -240,7 +240,8 @@ mod tests {
         for value in depth_px.iter_mut() {
             *value = ((f64::from(*value) - options.distance) * per_unit) as f32;
         }
-        let views = views.map(|drawn| view(drawn.azimuth.degrees(), drawn.image.to_luma8()));
+        let views =
+            views.map(|drawn| view(drawn.viewpoint.azimuth.degrees(), drawn.image.to_luma8()));
         StudySheet {
             name: "dude".to_owned(),
             spacing_deg: 5.0,
