@@ -107,7 +107,7 @@ mod tests {
 
     #[test]
     fn elevations_stand_behind_the_azimuth() {
-        assert_eq!(names("0, 90,0@-30 ,0:90:90@ 30"), ["0", "0_e-30", "0_e30", "90", "90_e30"]);
+        assert_eq!(names("0, 90,0@-30 ,0:90:90@ 30"), ["0_e-30", "0", "0_e30", "90", "90_e30"]);
         let list: ViewpointList = "0,0@0".parse().unwrap();
         let usual = Elevation::from_degrees(20.0).unwrap();
         let names: Vec<String> = list.at(usual).iter().map(ToString::to_string).collect();
