@@ -362,7 +362,8 @@ fn a_top_view_in_a_frame_of_its_own_is_laid_beside_the_others() {
     let metrics = metrics(&artifacts);
     let fit = &metrics["fit"][2];
     assert_eq!(fit["elevation_deg"], json!(90.0));
-    assert!(fit["silhouette_iou"].as_f64().unwrap() > 0.95, "{fit}");
+    // At its own scale it would be a quarter; one pixel all round is a tenth of so small an area.
+    assert!(fit["silhouette_iou"].as_f64().unwrap() > 0.9, "{fit}");
     assert_eq!(metrics["solid"]["cuts"][0]["used"], json!(true));
     for name in ["views/0_e90/subject.png", "views/0_e90/depth.pfm", "sheet/view_000_e90.png"] {
         bytes_of(&artifacts, name);
