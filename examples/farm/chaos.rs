@@ -5,18 +5,18 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use jobs::bytes::{ByteStore, Key};
-use jobs::{Job, JobId, JobState, JobStore, PostgresStore};
+use jobs::{Job, JobId, JobState, JobStore, PostgresOptions, PostgresStore};
 use rand::seq::IndexedRandom;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use reqwest::Client;
 use serde_json::Value;
 use sha2::{Digest, Sha256};
-use testbed::Fault;
+use testbed::{Durability, Farm, Fault};
 use tokio::sync::{RwLock, mpsc};
 use turnaround::worker::{WorkerConfig, collect};
 
-use crate::nodes::{Farm, Node};
+use crate::nodes::{Node, api, worker};
 use crate::{Result, upload};
 
 /// Different drawings; jobs of the same ones must come to the same bytes.
@@ -37,9 +37,9 @@ struct Trouble {
 }
 
 pub(crate) async fn run(seconds: u64, jobs: u64, seed: u64) -> Result<()> {
-    let mut farm = Farm::start()?;
-    let mut nodes = (0..API_NODES).map(|_| farm.api()).collect::<Result<Vec<_>>>()?;
-    let mut workers = (0..WORKERS).map(|_| farm.worker()).collect::<Result<Vec<_>>>()?;
+    let mut farm = Farm::start(Durability::Full);
+    let mut nodes = (0..API_NODES).map(|_| api(&farm)).collect::<Result<Vec<_>>>()?;
+    let mut workers = (0..WORKERS).map(|_| worker(&farm)).collect::<Result<Vec<_>>>()?;
     let addresses = Arc::new(RwLock::new(urls(&nodes)));
     let (tell, mut told) = mpsc::unbounded_channel();
     let span = Duration::from_secs(seconds);
@@ -61,13 +61,13 @@ pub(crate) async fn run(seconds: u64, jobs: u64, seed: u64) -> Result<()> {
         match rng.random_range(0..6) {
             0 => {
                 let number = rng.random_range(0..nodes.len());
-                nodes[number] = farm.api()?;
+                nodes[number] = api(&farm)?;
                 *addresses.write().await = urls(&nodes);
                 trouble.api_kills += 1;
             }
             1..=3 => {
                 let number = rng.random_range(0..workers.len());
-                workers[number] = farm.worker()?;
+                workers[number] = worker(&farm)?;
                 trouble.worker_kills += 1;
             }
             _ => {
@@ -84,11 +84,12 @@ pub(crate) async fn run(seconds: u64, jobs: u64, seed: u64) -> Result<()> {
     while let Some((number, id)) = told.recv().await {
         accepted.insert(number, id);
     }
-    let store = farm.store().await?;
+    let store = PostgresStore::open(&farm.database, &PostgresOptions::default()).await?;
     wait(&store, &accepted).await?;
     let took = begun.elapsed();
     drop((nodes, workers));
-    let faults = check(&store, &farm.bytes()?, &accepted).await?;
+    let bytes = ByteStore::s3(&farm.store(), farm.s3.environment())?;
+    let faults = check(&store, &bytes, &accepted).await?;
     print(&trouble, &accepted, again, took, &faults);
     if faults.values().sum::<u64>() > 0 { Err("something was lost".into()) } else { Ok(()) }
 }

@@ -5,8 +5,9 @@ use std::time::{Duration, Instant};
 
 use reqwest::Client;
 use serde_json::Value;
+use testbed::{Durability, Farm};
 
-use crate::nodes::{Farm, Node, program};
+use crate::nodes::{Node, api, program, worker};
 use crate::{Result, upload};
 
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -18,9 +19,9 @@ pub(crate) async fn measure(jobs: u64) -> Result<()> {
     let mut command = Command::new(program()?);
     command.args(["serve", "--listen", "127.0.0.1:0", "--data-dir"]).arg(folder.path());
     one("SQLite, folder", Node::start(command)?, jobs).await?;
-    let farm = Farm::start()?;
-    let node = farm.api()?;
-    let _worker = farm.worker()?;
+    let farm = Farm::start(Durability::Full);
+    let node = api(&farm)?;
+    let _worker = worker(&farm)?;
     one("PostgreSQL, S3", node, jobs).await
 }
 

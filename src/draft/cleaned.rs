@@ -2,12 +2,13 @@
 
 use artifacts::{Artifact, ArtifactName, CleanArtifact};
 use drawing::PageDrawing;
-use image::{DynamicImage, GrayImage};
+use image::DynamicImage;
 use picture::{dynamic_png, png};
 use sheet::{SheetDocument, ViewDocument};
 use turntable::{Draft, DraftView};
 
 use super::DraftError;
+use super::elevated::extent;
 use super::options::Options;
 
 /// The views as the method worked with them, on one canvas, with a document that gives the same
@@ -66,18 +67,7 @@ fn page(views: &[DraftView<'_>]) -> DynamicImage {
             Some(color) => DynamicImage::ImageRgb8(color.clone()),
             None => DynamicImage::ImageLuma8(found.view.image.clone()),
         },
-        bounds: bounds(found.silhouette.mask()),
+        bounds: extent(found.silhouette.mask()),
     };
     drawing::page(&views.iter().map(drawing).collect::<Vec<_>>())
-}
-
-/// First and one past the last column and row of a mask.
-fn bounds(mask: &GrayImage) -> Option<[[f64; 2]; 2]> {
-    let inside = mask.enumerate_pixels().filter(|(.., level)| level.0[0] != 0);
-    let bounds = inside.fold(None, |bounds: Option<[u32; 4]>, (x, y, _)| {
-        let [left, right, top, bottom] = bounds.unwrap_or([x, x, y, y]);
-        Some([left.min(x), right.max(x), top.min(y), bottom.max(y)])
-    });
-    let [left, right, top, bottom] = bounds?.map(f64::from);
-    Some([[left, right + 1.0], [top, bottom + 1.0]])
 }

@@ -94,7 +94,7 @@ fn place(
 }
 
 /// First and one past the last column and row of the mask.
-fn extent(mask: &GrayImage) -> Option<[[f64; 2]; 2]> {
+pub(super) fn extent(mask: &GrayImage) -> Option<[[f64; 2]; 2]> {
     let inside = mask.enumerate_pixels().filter(|(.., level)| level.0[0] != 0);
     let bounds = inside.fold(None, |bounds: Option<[u32; 4]>, (x, y, _)| {
         let [left, right, top, bottom] = bounds.unwrap_or([x, x, y, y]);

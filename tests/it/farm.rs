@@ -10,59 +10,34 @@ use jobs::bytes::ByteStore;
 use jobs::{EventKind, JobId, JobState, JobStore, PostgresOptions, PostgresStore};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
-use testbed::{BUCKET, Durability, Postgres, S3};
+use testbed::{Durability, Farm};
 
 use crate::faults::process::{PATIENCE, Process, sheet};
 use crate::service_crash::form;
 
-/// The services that nodes share.
-struct Farm {
-    postgres: Postgres,
-    s3: S3,
-    database: String,
-    /// Nodes have no file in common, and leave none behind.
-    folder: tempfile::TempDir,
+fn farm() -> Farm {
+    Farm::start(Durability::None)
 }
 
-impl Farm {
-    fn start() -> Self {
-        let (postgres, s3) = (Postgres::start(Durability::None), S3::start());
-        let database = postgres.database();
-        Self { postgres, s3, database, folder: tempfile::tempdir().unwrap() }
-    }
+fn command(farm: &Farm, name: &str) -> Command {
+    farm.command(env!("CARGO_BIN_EXE_turnaround"), name)
+}
 
-    fn command(&self, name: &str) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_turnaround"));
-        command.arg(name).current_dir(self.folder.path()).envs(self.s3.environment());
-        command.env("TURNAROUND_DATABASE_URL", &self.database);
-        command.env("TURNAROUND_STORE", self.address());
-        command
-    }
+/// A node that answers requests and runs nothing.
+fn api(farm: &Farm) -> Process {
+    let mut command = command(farm, "serve");
+    command.args(["--listen", "127.0.0.1:0", "--workers", "0"]);
+    Process::spawn(command)
+}
 
-    fn address(&self) -> String {
-        format!("s3://{BUCKET}/farm")
-    }
+fn worker(farm: &Farm) -> Worker {
+    let mut command = command(farm, "worker");
+    command.args(["--threads-per-job", "1", "--lease", "2", "--heartbeat", "1"]);
+    Worker(command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap())
+}
 
-    /// A node that answers requests and runs nothing.
-    fn api(&self) -> Process {
-        let mut command = self.command("serve");
-        command.args(["--listen", "127.0.0.1:0", "--workers", "0"]);
-        Process::spawn(command)
-    }
-
-    fn worker(&self) -> Worker {
-        let mut command = self.command("worker");
-        command.args(["--threads-per-job", "1", "--lease", "2", "--heartbeat", "1"]);
-        Worker(command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap())
-    }
-
-    async fn store(&self) -> PostgresStore {
-        PostgresStore::open(&self.database, &PostgresOptions::default()).await.unwrap()
-    }
-
-    fn bytes(&self) -> ByteStore {
-        ByteStore::s3(&self.address(), self.s3.environment()).unwrap()
-    }
+async fn store(farm: &Farm) -> PostgresStore {
+    PostgresStore::open(&farm.database, &PostgresOptions::default()).await.unwrap()
 }
 
 /// A node that runs jobs; killed without warning when dropped.
@@ -84,8 +59,8 @@ impl Drop for Worker {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn nodes_are_one_service() {
-    let farm = Farm::start();
-    let nodes = [farm.api(), farm.api()];
+    let farm = farm();
+    let nodes = [api(&farm), api(&farm)];
     let posts = (0..100).map(|number| {
         let node = &nodes[number % 2];
         let request = node.post("/v1/reconstructions").header("idempotency-key", "once");
@@ -99,13 +74,13 @@ async fn nodes_are_one_service() {
     let ids: HashSet<String> = join_all(posts).await.into_iter().collect();
     assert_eq!(ids.len(), 1, "one key became several jobs");
     let id = ids.into_iter().next().unwrap();
-    let store = farm.store().await;
+    let store = store(&farm).await;
     assert_eq!(store.ids().await.unwrap().len(), 1);
     let path = format!("/v1/reconstructions/{id}");
 
     // Followed through one node, run by another, fetched through a third.
     let following = nodes[0].get(&format!("{path}/events")).send();
-    let _worker = farm.worker();
+    let _worker = worker(&farm);
     let events = following.await.unwrap().text().await.unwrap();
     assert!(events.contains("event: started") && events.contains("event: progress"), "{events}");
     assert_eq!(events.matches("event: succeeded").count(), 1, "{events}");
@@ -124,23 +99,23 @@ async fn nodes_are_one_service() {
 /// late result is refused and its bytes are deleted.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_worker_that_stood_still_changes_nothing() {
-    let farm = Farm::start();
-    let node = farm.api();
-    let store = farm.store().await;
-    let still = farm.worker();
+    let farm = farm();
+    let node = api(&farm);
+    let store = store(&farm).await;
+    let still = worker(&farm);
     let answer = node.post("/v1/reconstructions").multipart(form(1)).send().await.unwrap();
     let answer: Value = answer.json().await.unwrap();
     let id: JobId = answer["id"].as_str().unwrap().parse().unwrap();
     until(async || store.get(id).await.unwrap().progress.is_some()).await;
     still.signal("STOP");
-    let other = farm.worker();
+    let other = worker(&farm);
     until(async || store.get(id).await.unwrap().state == JobState::Succeeded).await;
     drop(other);
     let ended = store.get(id).await.unwrap();
     assert!(ended.attempt > 1, "{ended:?}");
 
     still.signal("CONT");
-    let bytes = farm.bytes();
+    let bytes = ByteStore::s3(&farm.store(), farm.s3.environment()).unwrap();
     until(async || bytes.attempts(id).await.unwrap() == [ended.attempt]).await;
     // It would have come to its end by now.
     tokio::time::sleep(Duration::from_secs(3)).await;
@@ -154,10 +129,10 @@ async fn a_worker_that_stood_still_changes_nothing() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_cancellation_is_seen_on_another_node_within_a_second() {
-    let farm = Farm::start();
-    let node = farm.api();
-    let store = farm.store().await;
-    let _worker = farm.worker();
+    let farm = farm();
+    let node = api(&farm);
+    let store = store(&farm).await;
+    let _worker = worker(&farm);
     let answer = node.post("/v1/reconstructions").multipart(form(2)).send().await.unwrap();
     let answer: Value = answer.json().await.unwrap();
     let id: JobId = answer["id"].as_str().unwrap().parse().unwrap();
@@ -173,8 +148,8 @@ async fn a_cancellation_is_seen_on_another_node_within_a_second() {
 /// it is back.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_node_outlives_its_database() {
-    let mut farm = Farm::start();
-    let node = farm.api();
+    let mut farm = farm();
+    let node = api(&farm);
     let (status, body) = node.upload().await;
     assert_eq!(status, 202, "{body}");
     farm.postgres.stop();
@@ -184,16 +159,16 @@ async fn a_node_outlives_its_database() {
     assert_eq!(status, 503, "{problem}");
     farm.postgres.resume();
     node.until("/health/ready", |status, _| status == 200).await;
-    let _worker = farm.worker();
+    let _worker = worker(&farm);
     let path = format!("/v1/reconstructions/{}", body["id"].as_str().unwrap());
     node.until(&path, |_, job| job["state"] == "succeeded").await;
 }
 
 #[test]
 fn keys_are_made_in_the_database_of_a_farm() {
-    let farm = Farm::start();
+    let farm = farm();
     let keys = |arguments: &[&str]| {
-        let output = farm.command("keys").args(arguments).output().unwrap();
+        let output = command(&farm, "keys").args(arguments).output().unwrap();
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         String::from_utf8(output.stdout).unwrap()
     };

@@ -14,6 +14,9 @@ use super::{
     JobState, ListQuery, NewJob, Page, Tags, TenantName,
 };
 
+/// Changes a slow listener may lag behind before it misses some.
+pub(crate) const REMEMBERED_CHANGES: usize = 1024;
+
 /// Why a store could not do what was asked.
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {

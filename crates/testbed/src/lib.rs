@@ -4,8 +4,10 @@
 //!
 //! Whoever tests cannot go on without them: what fails panics and says why.
 
+mod farm;
 mod postgres;
 mod s3;
 
+pub use farm::Farm;
 pub use postgres::{Durability, Postgres};
 pub use s3::{BUCKET, Fault, KEY_ID, S3, SECRET_KEY};

@@ -40,6 +40,7 @@ use tokio::task::AbortHandle;
 use self::failure::{backend, commit_error};
 use self::listen::announce;
 use super::record::Present;
+use super::store::REMEMBERED_CHANGES;
 use super::{Clock, JobChange, StoreError, Uptime};
 
 // What the modules of `sql` are written in.
@@ -61,8 +62,6 @@ fn has_label(sql: &mut QueryBuilder<Db>, label: &str, value: &str) {
     sql.push(" = ").push_bind(value.to_owned());
 }
 
-/// Changes a slow listener may lag behind before it misses some.
-const REMEMBERED_CHANGES: usize = 1024;
 /// How often a write is tried whose transaction surely came to nothing.
 const TRIES: u32 = 5;
 const PAUSE: Duration = Duration::from_millis(50);

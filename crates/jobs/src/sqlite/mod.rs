@@ -39,6 +39,7 @@ use tokio::sync::broadcast;
 
 use self::reserve::Reserve;
 use super::record::Present;
+use super::store::REMEMBERED_CHANGES;
 use super::{Clock, JobChange, StoreError};
 
 // What the modules of `sql` are written in.
@@ -70,8 +71,6 @@ static MIGRATIONS: Migrator = sqlx::migrate!("./migrations/sqlite");
 const READERS: u32 = 4;
 /// How long to wait for another process to end its write.
 const BUSY_TIMEOUT: Duration = Duration::from_secs(10);
-/// Changes a slow listener may lag behind before it misses some.
-const REMEMBERED_CHANGES: usize = 1024;
 
 /// Jobs in an SQLite file.
 pub struct SqliteStore {

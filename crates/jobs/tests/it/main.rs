@@ -84,6 +84,11 @@ async fn processes_can_share_the_file() {
     for store in opening {
         stores.push(Arc::new(store.await.unwrap().unwrap()));
     }
+    share_the_work(&stores).await;
+}
+
+/// Works through all stores over one database at once: each job ends once.
+async fn share_the_work<S: JobStore + 'static>(stores: &[Arc<S>]) {
     let working: Vec<_> =
         stores.iter().map(|store| tokio::spawn(work_through(store.clone()))).collect();
     for work in working {

@@ -11,7 +11,7 @@ use jobs::{
 use testbed::{Durability, Postgres};
 
 use crate::suite::{self, Subject};
-use crate::{LEASE, clock, new_job, work_through};
+use crate::{LEASE, clock, new_job, share_the_work};
 
 const MINUTE: Duration = Duration::from_secs(60);
 
@@ -39,21 +39,7 @@ async fn nodes_share_a_database() {
     let url = server.database();
     let opening = (0..4).map(|_| open(&url));
     let stores = futures::future::join_all(opening).await;
-    let working: Vec<_> =
-        stores.iter().map(|store| tokio::spawn(work_through(store.clone()))).collect();
-    for work in working {
-        work.await.unwrap();
-    }
-    let store = &stores[0];
-    while let Some(claim) = store.claim("tester", LEASE).await.unwrap() {
-        store.succeed(claim.job.id, claim.attempt, Vec::new(), None).await.unwrap();
-    }
-    let ids = store.ids().await.unwrap();
-    assert_eq!(ids.len(), 20);
-    for id in ids {
-        let job = store.get(id).await.unwrap();
-        assert_eq!((job.state, job.attempt, job.version), (JobState::Succeeded, 1, 3));
-    }
+    share_the_work(&stores).await;
 }
 
 /// By NOTIFY, for what polls does so twice a second at most.

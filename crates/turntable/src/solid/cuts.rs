@@ -9,10 +9,9 @@ use imageproc::distance_transform::euclidean_squared_distance_transform;
 use nalgebra::{Point2, Point3};
 use rayon::prelude::*;
 
-use super::crease::Slice;
+use super::fusion;
 use super::holes::HoleHint;
 use super::outline::Outline;
-use super::{fusion, hull_plane};
 use crate::ink::inked;
 use crate::silhouette::Silhouette;
 use crate::surface::field::{Field, Lattice, Plane};
@@ -129,7 +128,7 @@ pub(super) struct Bounds<'a> {
     cuts: Vec<Cut>,
     directions: &'a [Outline],
     /// Per slice, as the level views leave it.
-    hulls: Vec<Plane>,
+    hulls: &'a [Plane],
 }
 
 impl<'a> Bounds<'a> {
@@ -137,17 +136,13 @@ impl<'a> Bounds<'a> {
     pub(super) fn new(
         cuts: Vec<Cut>,
         lattice: &Lattice,
-        slices: &[Slice],
+        hulls: &'a [Plane],
         directions: &'a [Outline],
         report: &mut Vec<CutReport>,
     ) -> Option<Self> {
-        if cuts.is_empty() {
-            return None;
-        }
-        let hulls: Vec<Plane> = slices.par_iter().map(|slice| hull_plane(lattice, slice)).collect();
         let mut agrees = |cut: &Cut| {
             let Viewpoint { azimuth, elevation } = cut.rig.viewpoints[0];
-            let uncovered = uncovered(cut, lattice, &hulls, directions);
+            let uncovered = uncovered(cut, lattice, hulls, directions);
             let used = uncovered <= MAX_UNCOVERED;
             let (azimuth_deg, elevation_deg) = (azimuth.degrees(), elevation.degrees());
             report.push(CutReport { azimuth_deg, elevation_deg, uncovered, used });
@@ -188,7 +183,7 @@ impl<'a> Bounds<'a> {
         for cut in &self.cuts {
             restore(&mut planes, &hulls, cut, &lattice);
         }
-        for bound in [&hulls, &self.hulls] {
+        for bound in [&hulls, self.hulls] {
             planes.par_iter_mut().zip(bound).for_each(|(plane, hull)| {
                 fusion::restore_silhouettes(plane, hull, &lattice, self.directions);
             });

@@ -5,10 +5,9 @@ use std::sync::OnceLock;
 use prior::{LogitField, Prior, PriorError, PriorInput, PriorView};
 use progress::Observer;
 
-use super::crease::Slice;
 use super::outline::Outline;
+use super::smoothing;
 use super::solid_views::{SolidSheet, SolidView};
-use super::{hull_plane, smoothing};
 use crate::surface::field::{Field, Plane};
 use crate::views::ViewSet;
 
@@ -80,12 +79,13 @@ const PITCHES_PER_LOGIT: f32 = 0.7;
 ///
 /// Signed distances of `field` become logits of at most [`MARGIN`] and are added
 /// to the prior's, of more where depth maps had their say (`has_depth`) and where
-/// lines show the corners of a slice; nothing lies beyond the sections of `slices`.
+/// lines show the corners of a slice; nothing lies beyond `hulls`.
 ///
+/// * `hulls`: the sections of the slices.
 /// * `drawn`: per slice, the share of its corners that are drawn as lines.
 pub(super) fn blend(
     field: &Field,
-    slices: &[Slice],
+    hulls: &[Plane],
     directions: &[Outline],
     logits: &LogitField,
     has_depth: bool,
@@ -96,7 +96,6 @@ pub(super) fn blend(
     let limit = lattice.truncation_px() as f32;
     let pitch = lattice.pitch_px as f32;
     let margin = if has_depth { MARGIN * DEPTH_GAIN } else { MARGIN };
-    let hulls: Vec<Plane> = slices.par_iter().map(|slice| hull_plane(&lattice, slice)).collect();
     let blended = |(k, (plane, hull)): (usize, (&Plane, &Plane))| {
         let mut out = Plane { creases: plane.creases.clone(), ..hull.clone() };
         let z = lattice.z(k);
@@ -115,8 +114,8 @@ pub(super) fn blend(
         }
         out
     };
-    let planes: Vec<Plane> = field.planes.par_iter().zip(&hulls).enumerate().map(blended).collect();
+    let planes: Vec<Plane> = field.planes.par_iter().zip(hulls).enumerate().map(blended).collect();
     let mut field = Field { lattice, planes };
-    smoothing::smooth(&mut field, &hulls, directions);
+    smoothing::smooth(&mut field, hulls, directions);
     field
 }

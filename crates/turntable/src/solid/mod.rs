@@ -23,6 +23,8 @@ mod symmetry;
 mod tests;
 mod voxel;
 
+use std::cell::LazyCell;
+
 use nalgebra::{Point2, Point3};
 
 use crate::depth_map::DepthMap;
@@ -248,27 +250,31 @@ fn full_mesh(
     let (outlines, drawn) = outlines_of(sheet, &slices, &lattice, options, report);
     steps.done(3, "creases")?;
     let mut field = field_of(lattice, outlines);
+    // The plain hull without cuts needs none.
+    let hulls = LazyCell::new(|| hull_planes(&lattice, &slices));
     if options.fusion && options.kind == SolidKind::Creased && !input.depth_maps.is_empty() {
         let views =
             CarvingView::of_sheet(sheet, input.depth_maps, fusion::reach_px(&field.lattice));
         report.carving_views = views.len();
-        fuse(&mut field, &slices, &directions, &views);
+        fuse(&mut field, &slices, &hulls, &directions, &views);
     }
     steps.done(4, "field")?;
-    let bounds = Bounds::new(cuts, &lattice, &slices, &directions, &mut report.cuts);
+    let bounds = (!cuts.is_empty())
+        .then(|| Bounds::new(cuts, &lattice, &hulls, &directions, &mut report.cuts))
+        .flatten();
     let surface = |field: &Field| match &bounds {
         None => surface_of(field, options),
         Some(bounds) => surface_of(&bounds.applied(field), options),
     };
     let without = || match options.kind {
-        SolidKind::Creased => surface(&smoothing::smoothed(&field, &slices, &directions)),
+        SolidKind::Creased => surface(&smoothing::smoothed(&field, &hulls, &directions)),
         _ => surface(&field),
     };
     let asks = options.prior != Switch::Off && options.kind == SolidKind::Creased;
     let (mesh, full_faces) = if asks {
         let has_depth = report.carving_views > 0;
         let logits = learned::logits(sheet, input.views, observer)?;
-        let blended = learned::blend(&field, &slices, &directions, &logits, has_depth, &drawn);
+        let blended = learned::blend(&field, &hulls, &directions, &logits, has_depth, &drawn);
         let with = surface(&blended);
         if options.prior == Switch::On {
             report.prior = Some(PriorReport { used: true, without: None, with: None });
@@ -471,24 +477,33 @@ fn field_of(lattice: Lattice, outlines: Vec<SliceOutlines>) -> Field {
     Field { lattice, planes: planes.collect() }
 }
 
-/// The sections of a slice as signed distances.
-fn hull_plane(lattice: &Lattice, slice: &Slice) -> Plane {
-    let sections = slice.sections.iter();
-    let polygons: Vec<_> = sections.map(|section| section.corners.clone()).collect();
-    Plane::of_polygons(lattice, &polygons)
+/// The sections of each slice as signed distances.
+fn hull_planes(lattice: &Lattice, slices: &[Slice]) -> Vec<Plane> {
+    use rayon::prelude::*;
+    let of_slice = |slice: &Slice| {
+        let sections = slice.sections.iter();
+        let polygons: Vec<_> = sections.map(|section| section.corners.clone()).collect();
+        Plane::of_polygons(lattice, &polygons)
+    };
+    slices.par_iter().map(of_slice).collect()
 }
 
-fn fuse(field: &mut Field, slices: &[Slice], directions: &[Outline], views: &[CarvingView]) {
+/// * `hulls`: of `slices`.
+fn fuse(
+    field: &mut Field,
+    slices: &[Slice],
+    hulls: &[Plane],
+    directions: &[Outline],
+    views: &[CarvingView],
+) {
     use rayon::prelude::*;
     let lattice = field.lattice;
-    let of_slice = |(prior, slice): (&Plane, &Slice)| {
-        let hull = hull_plane(&lattice, slice);
-        let corrections = fusion::corrections(prior, &hull, &lattice, slice.row, views);
-        (hull, corrections)
+    let of_slice = |((prior, slice), hull): ((&Plane, &Slice), &Plane)| {
+        fusion::corrections(prior, hull, &lattice, slice.row, views)
     };
-    let (hulls, corrections): (Vec<_>, Vec<_>) =
-        field.planes.par_iter().zip(slices).map(of_slice).unzip();
-    field.planes.par_iter_mut().zip(&hulls).enumerate().for_each(|(k, (plane, hull))| {
+    let corrections: Vec<_> =
+        field.planes.par_iter().zip(slices).zip(hulls).map(of_slice).collect();
+    field.planes.par_iter_mut().zip(hulls).enumerate().for_each(|(k, (plane, hull))| {
         let around = [k.saturating_sub(1), k, (k + 1).min(corrections.len() - 1)];
         fusion::correct(plane, hull, around.map(|k| &corrections[k]), &lattice);
         fusion::restore_silhouettes(plane, hull, &lattice, directions);

@@ -1,16 +1,14 @@
 //! Slices made one: what is decided row by row leaves steps.
 
-use super::crease::Slice;
+use super::fusion;
 use super::outline::Outline;
-use super::{fusion, hull_plane};
 use crate::surface::field::{Field, Lattice, Plane};
 
-/// `field` within the sections of `slices`, averaged.
-pub(super) fn smoothed(field: &Field, slices: &[Slice], directions: &[Outline]) -> Field {
+/// `field` within `hulls`, the sections of its slices, averaged.
+pub(super) fn smoothed(field: &Field, hulls: &[Plane], directions: &[Outline]) -> Field {
     use rayon::prelude::*;
     let lattice = field.lattice;
     let limit = lattice.truncation_px() as f32;
-    let hulls: Vec<Plane> = slices.par_iter().map(|slice| hull_plane(&lattice, slice)).collect();
     let within = |(plane, hull): (&Plane, &Plane)| {
         let mut out = Plane { creases: plane.creases.clone(), ..hull.clone() };
         for (index, value) in out.values.iter_mut().enumerate() {
@@ -19,9 +17,9 @@ pub(super) fn smoothed(field: &Field, slices: &[Slice], directions: &[Outline]) 
         }
         out
     };
-    let planes = field.planes.par_iter().zip(&hulls).map(within).collect();
+    let planes = field.planes.par_iter().zip(hulls).map(within).collect();
     let mut field = Field { lattice, planes };
-    smooth(&mut field, &hulls, directions);
+    smooth(&mut field, hulls, directions);
     field
 }
 
