@@ -89,6 +89,8 @@ failure_codes! {
     Unreadable = "unreadable", "The stored job cannot be read.", "send it again";
     AttemptsExhausted = "attempts_exhausted", "Every attempt at the job broke off.",
         "send it again; if it fails again, report it";
+    Crashed = "crashed", "The job's process died at every attempt, of what it met or of too much memory.",
+        "send it with smaller or fewer views; if it crashes again, report it";
     LeaseExpired = "lease_expired", "The job's worker was lost.", "send it again";
     Internal = "internal", "Something broke that is not the input's fault.",
         "send it again; if it fails again, report it";
@@ -128,7 +130,8 @@ mod tests {
         let names: Vec<_> = FailureCode::ALL.iter().map(|code| code.name()).collect();
         let unique: std::collections::BTreeSet<_> = names.iter().collect();
         assert_eq!(unique.len(), names.len());
-        for own in [jobs::ATTEMPTS_EXHAUSTED, jobs::LEASE_EXPIRED, jobs::UNREADABLE] {
+        for own in [jobs::ATTEMPTS_EXHAUSTED, jobs::CRASHED, jobs::LEASE_EXPIRED, jobs::UNREADABLE]
+        {
             assert!(names.contains(&own), "{own}");
         }
     }

@@ -211,14 +211,14 @@ impl Work for Noise {
         "noise"
     }
 
-    fn run(&self, attempt: &Attempt<'_>) -> Result<(), WorkError> {
-        let seed = attempt.job().payload["seed"].as_u64().unwrap();
+    fn run(&self, attempt: &dyn Attempt) -> Result<(), WorkError> {
+        let seed = attempt.task().payload["seed"].as_u64().unwrap();
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         for step in 0..STEPS {
             thread::sleep(STEP);
             let mut noise = vec![0; rng.random_range(1_000..100_000)];
             rng.fill_bytes(&mut noise);
-            let emitted = attempt.emit(&format!("steps/{step}.bin"), "a/b", noise);
+            let emitted = attempt.emit(&format!("steps/{step}.bin"), "a/b", noise.into());
             emitted.map_err(|error| WorkError::Broken(error.to_string()))?;
             attempt.report(f64::from(step + 1) / f64::from(STEPS), json!(step));
         }

@@ -2,15 +2,18 @@
 //!
 //! ```text
 //! cargo build --release && cargo run --release --example farm -- latency [JOBS]
+//! cargo build --release && cargo run --release --example farm -- isolation [JOBS]
 //! cargo build --release && cargo run --release --example farm -- chaos [SECONDS [JOBS [SEED]]]
 //! ```
 //!
 //! PostgreSQL and an S3 server run in temporary folders, the nodes are processes of the program
-//! beside this one. `latency` has one idle worker, on a farm and on the embedded stores. `chaos`
+//! beside this one. `latency` has one idle worker, on a farm and on the embedded stores; `isolation`
+//! one with and one without processes for its jobs. `chaos`
 //! has two API nodes and three workers, and prints a ledger; its exit status is 1 if anything was
 //! lost, ended twice or was left over.
 
 mod chaos;
+mod isolation;
 mod latency;
 mod nodes;
 mod upload;
@@ -31,7 +34,8 @@ async fn main() -> Result<()> {
     let number = |at: usize, default| numbers.get(at).copied().unwrap_or(default);
     match what.as_deref() {
         Some("latency") => latency::measure(number(0, 50)).await,
+        Some("isolation") => isolation::measure(number(0, 50)).await,
         Some("chaos") => chaos::run(number(0, 240), number(1, 200), number(2, 1)).await,
-        _ => Err("latency or chaos?".into()),
+        _ => Err("latency, isolation or chaos?".into()),
     }
 }

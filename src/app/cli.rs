@@ -10,7 +10,7 @@ use super::keys::{self, KeyCommand, TenantCommand};
 use super::page::{self, PageArgs};
 use super::reconstruct::{self, ReconstructArgs};
 use super::study::{self, StudyArgs};
-use super::{serve, telemetry};
+use super::{child, serve, telemetry};
 
 /// Turns a model sheet into depth maps, metrics and a 3D draft
 #[derive(Parser, Debug)]
@@ -42,6 +42,9 @@ enum Command {
     /// Make and list the tenants of a service, whose jobs are kept apart
     #[command(subcommand)]
     Tenants(TenantCommand),
+    /// Work on the jobs of the service that started this
+    #[command(hide = true)]
+    Child,
     /// Print the OpenAPI description of the service
     Openapi,
 }
@@ -60,6 +63,7 @@ pub(super) fn run() -> Result<(), Failure> {
         Command::Study(args) => study::run(&args),
         Command::Keys(command) => keys::keys(&command),
         Command::Tenants(command) => keys::tenants(&command),
+        Command::Child => child::run(),
         Command::Openapi => {
             println!("{:#}", crate::http::openapi());
             Ok(())

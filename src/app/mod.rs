@@ -3,6 +3,7 @@
 //! Nothing else in the crate knows the command line, the environment or the
 //! settings file.
 
+mod child;
 mod cli;
 mod config;
 mod descriptors;

@@ -1,6 +1,7 @@
 //! Wires stores, workers and the HTTP interface into running services.
 
 use std::future::Future;
+use std::io;
 use std::net::{IpAddr, SocketAddr};
 use std::path::Path;
 use std::sync::Arc;
@@ -8,12 +9,13 @@ use std::thread::available_parallelism;
 use std::time::Duration;
 
 use anyhow::{Context, Result, ensure};
+use mesh::read::Limits;
 use tokio::net::TcpListener;
 use tokio::runtime::{Handle, Runtime};
 use tokio::signal::unix::{SignalKind, signal};
 use tokio_util::sync::CancellationToken;
 
-use super::config::{AccessConfig, Config, HttpConfig, OutboundConfig};
+use super::config::{AccessConfig, Config, HttpConfig, Isolation, OutboundConfig};
 use super::failure::Failure;
 use super::stores::Stores;
 use super::{descriptors, memory};
@@ -21,9 +23,14 @@ use crate::draft::DraftLimits;
 use crate::http::{self, Access, ApiState, Guard, HttpLimits, KeyPolicy, LinkKey, ServerTimeouts};
 use crate::outbound::{Outbound, OutboundPolicy};
 use crate::webhooks::{Sender, SenderConfig};
+use crate::worker::isolation::{ChildSettings, Isolated};
 use crate::worker::jobs::{Draw, Reconstruct};
 use crate::worker::{Pool, Work, WorkerConfig};
 use jobs::{AccessStore, KeyText, NewKey, Scope, TenantLimits, TenantName};
+
+/// What a process needs beside the memory that a job may take: stacks, the network's
+/// weights, what the estimate of a job leaves out.
+const CHILD_BYTES: u64 = 512 << 20;
 
 /// Runs the HTTP interface and the workers until SIGTERM or SIGINT.
 pub(super) fn serve(config: &Config) -> Result<(), Failure> {
@@ -107,10 +114,11 @@ async fn stop_signal() -> Result<()> {
 
 impl Stores {
     fn start_workers(&self, config: &Config, runtime: &Handle) -> Result<Pool> {
-        let works: Vec<Arc<dyn Work>> = vec![
-            Arc::new(Reconstruct { limits: draft_limits(config) }),
-            Arc::new(Draw { model: config.limits.model(), ..Draw::default() }),
-        ];
+        let works = works(draft_limits(config), config.limits.model());
+        let works = match config.workers.isolation {
+            Isolation::None => works,
+            Isolation::Process => isolated(config, &works).context("starting the workers")?,
+        };
         let jobs = Arc::clone(&self.jobs);
         Pool::start(worker_config(config), jobs, self.bytes.clone(), works, runtime)
             .context("starting the workers")
@@ -120,6 +128,25 @@ impl Stores {
     fn sender(&self, outbound: Arc<Outbound>) -> Sender {
         Sender { config: SenderConfig::default(), store: Arc::clone(&self.jobs), outbound }
     }
+}
+
+/// Every kind of work.
+pub(super) fn works(draft: DraftLimits, model: Limits) -> Vec<Arc<dyn Work>> {
+    let draw = Draw { model, ..Draw::default() };
+    vec![Arc::new(Reconstruct { limits: draft }), Arc::new(draw)]
+}
+
+/// Lets processes of this program do the work.
+fn isolated(config: &Config, works: &[Arc<dyn Work>]) -> io::Result<Vec<Arc<dyn Work>>> {
+    let draft = draft_limits(config);
+    let settings = ChildSettings {
+        log: config.log.log.clone(),
+        memory_bytes: draft.max_working_bytes.saturating_add(CHILD_BYTES),
+        draft,
+        model: config.limits.model(),
+    };
+    // The program that runs, also when the file was replaced by another version.
+    Isolated::all(works, Path::new("/proc/self/exe"), settings, config.workers.workers)
 }
 
 fn outbound(config: &Config) -> Result<Arc<Outbound>> {

@@ -12,8 +12,7 @@ use super::config::{LogConfig, LogFormat};
 /// # Errors
 /// If the level is no tracing directive.
 pub(super) fn init(config: &LogConfig) -> Result<()> {
-    let filter = EnvFilter::try_new(&config.log)
-        .with_context(|| format!("--log {}: not a level or directive", config.log))?;
+    let filter = filter(&config.log)?;
     let lines = tracing_subscriber::fmt()
         .with_env_filter(filter)
         .with_writer(io::stderr)
@@ -23,4 +22,18 @@ pub(super) fn init(config: &LogConfig) -> Result<()> {
         LogFormat::Json => lines.json().init(),
     }
     Ok(())
+}
+
+/// Sends log lines to the service that started this process, which adds the time.
+///
+/// # Errors
+/// If `level` is no tracing directive.
+pub(super) fn init_child(level: &str) -> Result<()> {
+    let lines = tracing_subscriber::fmt().with_env_filter(filter(level)?);
+    lines.with_writer(io::stderr).with_ansi(false).without_time().init();
+    Ok(())
+}
+
+fn filter(level: &str) -> Result<EnvFilter> {
+    EnvFilter::try_new(level).with_context(|| format!("--log {level}: not a level or directive"))
 }

@@ -4,6 +4,7 @@ use image::{GrayImage, RgbaImage, imageops};
 use picture::Drawing;
 use rayon::ThreadPool;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::options::{self, Method, Options};
 use super::subjects::{self, Preparation};
@@ -166,7 +167,7 @@ fn check_sizes(
 pub const DEFAULT_WORKING_BYTES: u64 = 8 << 30;
 
 /// What a reconstruction may cost.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DraftLimits {
     /// Each drawing and mask.
     pub image: ImageLimits,

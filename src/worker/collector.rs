@@ -9,7 +9,7 @@ use tokio::time::{Instant, MissedTickBehavior, interval};
 
 use super::WorkerConfig;
 use jobs::bytes::{ByteError, ByteStore};
-use jobs::{Job, JobId, JobState, JobStore, StoreError};
+use jobs::{CRASHED, Job, JobId, JobState, JobStore, StoreError};
 
 /// Why bytes could not be collected.
 #[derive(Debug, thiserror::Error)]
@@ -149,9 +149,12 @@ async fn is_page(store: &dyn JobStore, id: JobId) -> Result<bool, StoreError> {
 }
 
 /// Whether the bytes of `attempt` will never be published. A later attempt than
-/// the store knows of is one of a later state of it.
+/// the store knows of is one of a later state of it. What the last crash of a job
+/// left behind stays with the job, for those who look for its cause.
 fn is_over(job: &Job, attempt: u32) -> bool {
+    let crashed = job.failure.as_ref().is_some_and(|failure| failure.code == CRASHED);
     match job.state {
+        JobState::Failed if crashed => attempt < job.attempt,
         JobState::Running | JobState::Succeeded => attempt < job.attempt,
         JobState::Queued | JobState::Failed | JobState::Cancelled => attempt <= job.attempt,
     }

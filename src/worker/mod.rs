@@ -5,8 +5,10 @@
 //! loses its lease, and the job runs again. A result is published exactly once,
 //! for the store refuses whatever an attempt without the lease comes back with.
 
+mod attempt;
 mod collector;
 mod config;
+pub mod isolation;
 pub mod jobs;
 mod lease;
 mod pool;
@@ -18,7 +20,7 @@ mod work;
 pub use collector::{CollectError, Collected, collect};
 pub use config::WorkerConfig;
 pub use pool::Pool;
-pub use uploads::Upload;
-pub use work::{Attempt, Work, WorkError};
+pub use work::{Attempt, Task, Work, WorkError};
 
 use pool::Shared;
+use run::panic_message;

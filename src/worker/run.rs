@@ -11,12 +11,12 @@ use serde_json::Value;
 use tokio::sync::watch;
 use tokio_util::sync::CancellationToken;
 
+use super::attempt::{PoolAttempt, ProgressSender};
 use super::signal::{Signal, StopReason};
 use super::uploads::Uploads;
-use super::work::ProgressSender;
-use super::{Attempt, Shared, WorkError};
+use super::{Shared, Task, WorkError};
 use crate::failure_code::FailureCode;
-use jobs::{Claim, Failure, JobId, JobState, JobStore, StoreError};
+use jobs::{Claim, Event, Failure, JobId, JobState, JobStore, StoreError};
 
 /// For how long an ending is tried to be written before the lease is left to
 /// end: longer than a database needs to start again.
@@ -64,6 +64,7 @@ pub(super) fn run(shared: &Arc<Shared>, claim: Claim, claimed: Instant) {
         (Ok(_), Err(error)) => Ending::Troubled(error.to_string()),
         (Err(WorkError::Input(failure)), _) => Ending::Failed(failure),
         (Err(WorkError::Broken(detail)), _) => Ending::Broken(detail),
+        (Err(WorkError::Crashed(detail)), _) => Ending::Crashed(detail),
         (Err(WorkError::Troubled(cause)), _) => Ending::Troubled(cause),
         (Err(WorkError::Cancelled), _) => Ending::Stopped(signal.reason()),
     };
@@ -86,7 +87,7 @@ fn start(
     let uploads = Arc::clone(uploads);
     thread::Builder::new().name(format!("job-{}", claim.job.id)).spawn(move || {
         // Nobody listens any more if the work was left behind.
-        let _ = sender.send(work(&shared, &claim, &signal, &uploads));
+        let _ = sender.send(work(&shared, claim, &signal, &uploads));
     })?;
     Ok(outcome)
 }
@@ -116,13 +117,14 @@ enum Ending {
     Succeeded(Vec<jobs::ArtifactEntry>, Option<Value>),
     Failed(Failure),
     Broken(String),
+    Crashed(String),
     /// With the cause, for the log.
     Troubled(String),
     Stopped(Option<StopReason>),
 }
 
 /// Runs the work itself, with panics caught and progress written beside it.
-fn work(shared: &Shared, claim: &Claim, signal: &Arc<Signal>, uploads: &Uploads) -> Outcome {
+fn work(shared: &Shared, claim: Claim, signal: &Arc<Signal>, uploads: &Uploads) -> Outcome {
     let Some(work) = shared.works.iter().find(|work| work.kind() == claim.job.kind) else {
         let detail = format!("this version has no work for jobs of kind {}", claim.job.kind);
         return Err(WorkError::Broken(detail));
@@ -136,9 +138,8 @@ fn work(shared: &Shared, claim: &Claim, signal: &Arc<Signal>, uploads: &Uploads)
         shared.config.progress_interval,
         done.clone(),
     ));
-    let attempt = Attempt {
-        job: &claim.job,
-        threads: shared.config.threads_per_job,
+    let attempt = PoolAttempt {
+        task: Task::new(claim, shared.config.threads_per_job),
         bytes: &shared.bytes,
         runtime: &shared.runtime,
         signal,
@@ -148,14 +149,16 @@ fn work(shared: &Shared, claim: &Claim, signal: &Arc<Signal>, uploads: &Uploads)
     };
     // What the work shares with the pool is behind locks that heal.
     let result = catch_unwind(AssertUnwindSafe(|| work.run(&attempt)));
-    let summary = attempt.into_summary();
+    // The writer ends with it.
+    let PoolAttempt { task, summary, progress, .. } = attempt;
+    drop(progress);
     done.cancel();
     if let Err(error) = shared.runtime.block_on(writer) {
-        tracing::error!(job = %claim.job.id, %error, "progress writer broke");
+        tracing::error!(job = %task.job, %error, "progress writer broke");
     }
     let result =
         result.unwrap_or_else(|panic| Err(WorkError::Broken(panic_message(panic.as_ref()))));
-    result.map(|()| summary)
+    result.map(|()| summary.into_inner())
 }
 
 /// Writes the latest progress, at most once an `interval`, and once more at the
@@ -180,7 +183,7 @@ async fn write_progress(
     }
 }
 
-fn panic_message(panic: &(dyn Any + Send)) -> String {
+pub(super) fn panic_message(panic: &(dyn Any + Send)) -> String {
     let text = panic
         .downcast_ref::<&str>()
         .copied()
@@ -191,7 +194,8 @@ fn panic_message(panic: &(dyn Any + Send)) -> String {
 /// Writes the ending and deletes what the attempt stored unless it is published.
 fn end(shared: &Shared, id: JobId, attempt: u32, ending: Ending) {
     let publishes = matches!(ending, Ending::Succeeded(..));
-    if !publishes {
+    let crashed = matches!(ending, Ending::Crashed(_));
+    if !publishes && !crashed {
         // First, for on a full disk it makes room for the ending itself.
         delete_bytes(shared, id, attempt);
     }
@@ -204,7 +208,8 @@ fn end(shared: &Shared, id: JobId, attempt: u32, ending: Ending) {
     match written {
         Ok(state) => {
             tracing::info!(job = %id, attempt, ?state, "ended");
-            if state == JobState::Succeeded {
+            // What the last of its crashes left behind may tell why.
+            if state == JobState::Succeeded || (crashed && state == JobState::Failed) {
                 return;
             }
         }
@@ -222,7 +227,7 @@ fn end(shared: &Shared, id: JobId, attempt: u32, ending: Ending) {
             return;
         }
     }
-    if publishes {
+    if publishes || crashed {
         delete_bytes(shared, id, attempt);
     }
 }
@@ -281,6 +286,10 @@ async fn try_ending(
             let failure = Failure { code: "internal".to_owned(), detail };
             store.retry(id, attempt, failure, shared.config.retry_pause).await
         }
+        Ending::Crashed(detail) => {
+            let failure = crash(store.as_ref(), id, &detail).await?;
+            store.retry(id, attempt, failure, shared.config.retry_pause).await
+        }
         Ending::Troubled(cause) => {
             tracing::warn!(job = %id, attempt, cause, "the machine is in trouble; the job waits");
             let code = FailureCode::EnvironmentTrouble;
@@ -302,4 +311,14 @@ async fn try_ending(
             store.retry(id, attempt, failure, shared.config.retry_pause).await
         }
     }
+}
+
+/// What is told of a job that crashed once more.
+async fn crash(store: &dyn JobStore, id: JobId, detail: &str) -> Result<Failure, StoreError> {
+    let is_crash = |event: &&Event| event.data["reason"] == jobs::CRASHED;
+    let crashes = store.events(id, 0).await?.iter().filter(is_crash).count() + 1;
+    let times = if crashes == 1 { "once".to_owned() } else { format!("{crashes} times") };
+    let remedy = FailureCode::Crashed.remedy();
+    let detail = format!("crashed {times}; the last time its process {detail}; {remedy}");
+    Ok(Failure { code: FailureCode::Crashed.name().to_owned(), detail })
 }

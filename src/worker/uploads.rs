@@ -11,6 +11,7 @@ use tokio::runtime::Handle;
 use tokio::sync::{Semaphore, mpsc};
 use tokio::task::{AbortHandle, JoinHandle};
 
+use artifacts::ArtifactWriter;
 use jobs::bytes::{ByteError, ByteStore, ByteWriter, Key};
 use jobs::{ArtifactEntry, JobId};
 
@@ -155,7 +156,7 @@ impl Uploads {
 
 /// An artifact that is hashed and stored while it is written. Unless it is
 /// finished, the attempt cannot succeed.
-pub struct Upload {
+pub(super) struct Upload {
     chunk: Vec<u8>,
     /// `None` is the end.
     chunks: mpsc::Sender<Option<Bytes>>,
@@ -165,18 +166,16 @@ pub struct Upload {
 }
 
 impl Upload {
-    /// All is written.
-    ///
-    /// # Errors
-    /// `BrokenPipe` if it can't be stored.
-    pub fn finish(mut self) -> io::Result<()> {
-        self.flush()?;
-        self.send(None)
-    }
-
     fn send(&self, chunk: Option<Bytes>) -> io::Result<()> {
         let gone = |_| io::Error::new(io::ErrorKind::BrokenPipe, "the artifact can't be stored");
         self.chunks.blocking_send(chunk).map_err(gone)
+    }
+}
+
+impl ArtifactWriter for Upload {
+    fn finish(mut self: Box<Self>) -> io::Result<()> {
+        self.flush()?;
+        self.send(None)
     }
 }
 
@@ -261,7 +260,7 @@ mod tests {
             writing.add("once", "text/plain", bytes.clone().into()).unwrap();
             assert!(writing.create("once", "text/plain").is_err());
             bytes.chunks(700_001).for_each(|piece| piecewise.write_all(piece).unwrap());
-            piecewise.finish().unwrap();
+            Box::new(piecewise).finish().unwrap();
         })
         .await;
         let entries = uploads.finish().await.unwrap();

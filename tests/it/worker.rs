@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use bytes::Bytes;
 use jiff::Timestamp;
 use jobs::bytes::{ByteStore, Key};
 use jobs::{
@@ -19,7 +20,7 @@ use turnaround::worker::{Attempt, Collected, Pool, Work, WorkError, WorkerConfig
 /// Long enough for a busy machine; nothing here waits for it to pass.
 const PATIENCE: Duration = Duration::from_secs(20);
 
-type Body = dyn Fn(&Attempt<'_>) -> Result<(), WorkError> + Send + Sync;
+type Body = dyn Fn(&dyn Attempt) -> Result<(), WorkError> + Send + Sync;
 
 /// Work given as a closure.
 struct Test(Box<Body>);
@@ -29,12 +30,12 @@ impl Work for Test {
         "test"
     }
 
-    fn run(&self, attempt: &Attempt<'_>) -> Result<(), WorkError> {
+    fn run(&self, attempt: &dyn Attempt) -> Result<(), WorkError> {
         (self.0)(attempt)
     }
 }
 
-fn work(body: impl Fn(&Attempt<'_>) -> Result<(), WorkError> + Send + Sync + 'static) -> Test {
+fn work(body: impl Fn(&dyn Attempt) -> Result<(), WorkError> + Send + Sync + 'static) -> Test {
     Test(Box::new(body))
 }
 
@@ -123,7 +124,7 @@ fn config() -> WorkerConfig {
 }
 
 /// Works until told to stop.
-fn until_stopped(attempt: &Attempt<'_>) -> Result<(), WorkError> {
+fn until_stopped(attempt: &dyn Attempt) -> Result<(), WorkError> {
     let begun = Instant::now();
     while begun.elapsed() < PATIENCE {
         if attempt.is_cancelled() {
@@ -139,16 +140,18 @@ async fn a_job_is_read_computed_and_published() {
     let world = World::new().await;
     let pool = world.pool(work(|attempt| {
         let input = attempt.read("front.png").unwrap();
-        assert_eq!((input.as_slice(), attempt.threads()), (b"drawing".as_slice(), 3));
+        assert_eq!((input.as_slice(), attempt.task().threads), (b"drawing".as_slice(), 3));
         let missing = attempt.read("back.png").unwrap_err();
         assert_eq!(missing.kind(), std::io::ErrorKind::NotFound);
         attempt.report(0.5, json!({ "fraction": 0.5 }));
         for index in 0..40u8 {
-            attempt.emit(&format!("views/{index}/depth.pfm"), "a/b", vec![index; 70_000]).unwrap();
+            attempt
+                .emit(&format!("views/{index}/depth.pfm"), "a/b", vec![index; 70_000].into())
+                .unwrap();
         }
-        let twice = attempt.emit("views/7/depth.pfm", "a/b", vec![]).unwrap_err();
+        let twice = attempt.emit("views/7/depth.pfm", "a/b", Bytes::new()).unwrap_err();
         assert_eq!(twice.kind(), std::io::ErrorKind::AlreadyExists);
-        let outside = attempt.emit("../../jobs.sqlite", "a/b", vec![]).unwrap_err();
+        let outside = attempt.emit("../../jobs.sqlite", "a/b", Bytes::new()).unwrap_err();
         assert_eq!(outside.kind(), std::io::ErrorKind::InvalidInput);
         attempt.report(1.0, json!({ "fraction": 1.0 }));
         Ok(())
@@ -214,7 +217,7 @@ async fn polling_finds_jobs_of_other_processes() {
 async fn cancelling_reaches_running_work_at_once() {
     let world = World::new().await;
     let pool = world.pool(work(|attempt| {
-        attempt.emit("hull.glb", "a/b", vec![0; 100]).unwrap();
+        attempt.emit("hull.glb", "a/b", vec![0; 100].into()).unwrap();
         until_stopped(attempt)
     }));
     let id = world.enqueue(1).await;
@@ -241,7 +244,7 @@ async fn cancelling_by_another_process_is_seen_by_polling() {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn panics_and_breakage_are_tried_again() {
     let world = World::new().await;
-    let pool = world.pool(work(|attempt| match attempt.job().attempt {
+    let pool = world.pool(work(|attempt| match attempt.task().attempt {
         1 => panic!("out of luck"),
         2 => Err(WorkError::Broken("disk full".to_owned())),
         _ => Ok(()),
@@ -262,6 +265,26 @@ async fn panics_and_breakage_are_tried_again() {
     assert_eq!((job.state, job.attempt), (JobState::Failed, 2));
     assert_eq!(job.failure.unwrap().code, "attempts_exhausted");
     pool.shutdown(PATIENCE).await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn what_the_last_crash_left_behind_is_kept_with_its_job() {
+    let world = World::new().await;
+    let id = world.enqueue(2).await;
+    let _pool = world.pool(work(|attempt| {
+        attempt.emit("hull.glb", "a/b", vec![0; 10].into()).unwrap();
+        Err(WorkError::Crashed("died of signal 6".to_owned()))
+    }));
+    let job = world.finished(id).await;
+    let failure = job.failure.unwrap();
+    assert_eq!((job.attempt, failure.code.as_str()), (2, "crashed"));
+    let told = "crashed 2 times; the last time its process died of signal 6; ";
+    assert!(failure.detail.starts_with(told), "{failure:?}");
+    assert!(job.artifacts.is_empty());
+    collect(world.store.as_ref(), &world.bytes, &config()).await.unwrap();
+    let left = |attempt| Key::Artifact { job: id, attempt, name: "hull.glb" };
+    assert_eq!(world.bytes.size(&left(2)).await.unwrap(), 10);
+    assert!(world.bytes.size(&left(1)).await.is_err());
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -316,8 +339,8 @@ async fn a_frozen_worker_learns_that_it_lost_its_lease() {
     let pool = world.pool_with(
         config,
         work(move |attempt| {
-            let number = attempt.job().attempt;
-            attempt.emit("hull.glb", "a/b", vec![number as u8; 10]).unwrap();
+            let number = attempt.task().attempt;
+            attempt.emit("hull.glb", "a/b", vec![number as u8; 10].into()).unwrap();
             if number == 1 {
                 let stopped = until_stopped(attempt);
                 *seen.lock().unwrap() = Some(matches!(stopped, Err(WorkError::Cancelled)));
@@ -389,7 +412,7 @@ async fn shutdown_lets_jobs_finish_and_claims_no_more() {
 async fn shutdown_puts_back_what_does_not_finish_in_time() {
     let world = World::new().await;
     let pool = world.pool(work(|attempt| {
-        attempt.emit("hull.glb", "a/b", vec![0; 10]).unwrap();
+        attempt.emit("hull.glb", "a/b", vec![0; 10].into()).unwrap();
         until_stopped(attempt)
     }));
     let id = world.enqueue(1).await;
@@ -498,15 +521,15 @@ async fn only_bytes_that_belong_to_nothing_are_collected() {
 /// Work that looks at nothing, like a long call into a library.
 fn deaf(
     released: &Mutex<std::sync::mpsc::Receiver<()>>,
-    attempt: &Attempt<'_>,
+    attempt: &dyn Attempt,
 ) -> Result<(), WorkError> {
-    attempt.emit("hull.glb", "a/b", vec![0; 100]).unwrap();
+    attempt.emit("hull.glb", "a/b", vec![0; 100].into()).unwrap();
     let mut piecewise = attempt.create("points.ply", "a/b").unwrap();
     std::io::Write::write_all(&mut piecewise, b"half").unwrap();
     // Ends when the test is over.
     let _ = released.lock().unwrap().recv();
     let _ = piecewise.finish();
-    let _ = attempt.emit("late.glb", "a/b", vec![0; 100]);
+    let _ = attempt.emit("late.glb", "a/b", vec![0; 100].into());
     Ok(())
 }
 
@@ -515,7 +538,7 @@ async fn work_that_does_not_listen_is_cancelled_within_a_second() {
     let world = World::new().await;
     let (release, released) = std::sync::mpsc::channel::<()>();
     let released = Mutex::new(released);
-    let pool = world.pool(work(move |attempt| match attempt.job().id {
+    let pool = world.pool(work(move |attempt| match attempt.task().job {
         _ if attempt.read("quick").is_ok() => Ok(()),
         _ => deaf(&released, attempt),
     }));
@@ -559,7 +582,7 @@ async fn trouble_of_the_machine_is_waited_out_and_not_told() {
     let config = WorkerConfig { poll_interval: Duration::from_millis(50), ..config() };
     let pool = world.pool_with(
         config,
-        work(|attempt| match attempt.job().attempt {
+        work(|attempt| match attempt.task().attempt {
             1 => {
                 let os = std::io::Error::from_raw_os_error(24);
                 Err(std::io::Error::other(format!("/srv/data/bytes/inputs: {os}")).into())

@@ -7,7 +7,7 @@ use std::time::Duration;
 use jiff::Timestamp;
 use serde_json::{Value, json};
 
-use super::{ATTEMPTS_EXHAUSTED, LEASE_EXPIRED};
+use super::{ATTEMPTS_EXHAUSTED, CRASHED, LEASE_EXPIRED};
 use super::{ArtifactEntry, EventKind, Failure, Job, JobState, NewJob, StoreError, Uptime};
 
 /// The longest pause before a job that the machine broke off is claimed again.
@@ -159,6 +159,10 @@ impl Record {
         if self.job.attempts_used < self.job.max_attempts {
             let reason = json!({ "reason": failure.code, "detail": failure.detail });
             return self.put_back(reason, now.uptime.after(pause));
+        }
+        if failure.code == CRASHED {
+            self.job.failure = Some(failure);
+            return self.finish(JobState::Failed, now.time);
         }
         let detail = format!(
             "all {} attempts broke; the last one: {}: {}",

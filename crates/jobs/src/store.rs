@@ -171,7 +171,8 @@ pub trait JobStore: PageStore + WebhookStore + StorageStore {
 
     /// Puts the job back because this attempt broke (`failure`, internal causes),
     /// to be claimed after `pause` at the earliest; fails it as
-    /// `attempts_exhausted` if no attempt is left.
+    /// `attempts_exhausted` if no attempt is left, but with [`crate::CRASHED`] as
+    /// it is.
     async fn retry(
         &self,
         id: JobId,

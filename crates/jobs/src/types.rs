@@ -215,7 +215,8 @@ impl Job {
 pub const LEASE_EXPIRED: &str = "lease_expired";
 /// The failure code of a job whose every attempt broke off.
 pub const ATTEMPTS_EXHAUSTED: &str = "attempts_exhausted";
-
+/// The failure code of a job whose process died at its last attempt.
+pub const CRASHED: &str = "crashed";
 /// The failure code of a job whose stored row can't be read.
 pub const UNREADABLE: &str = "unreadable";
 

@@ -10,9 +10,10 @@ use image::{
     DynamicImage, GrayImage, ImageDecoder, ImageError as DecodeError, ImageFormat, ImageReader,
     Limits, RgbaImage,
 };
+use serde::{Deserialize, Serialize};
 
 /// What an uploaded picture may cost.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ImageLimits {
     /// Encoded size, bytes.
     pub max_bytes: u64,

@@ -18,7 +18,7 @@ pub(super) use limits::LimitConfig;
 pub(super) use log::{LogConfig, LogFormat};
 pub(super) use outbound::OutboundConfig;
 pub(super) use storage::{StorageConfig, StoresConfig};
-pub(super) use workers::WorkersConfig;
+pub(super) use workers::{Isolation, WorkersConfig};
 
 use std::path::PathBuf;
 

@@ -1,7 +1,17 @@
 //! Settings of the worker pool.
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use serde::{Deserialize, Serialize};
+
+/// Where the work of a job is done.
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Isolation {
+    /// In a process beside, without files and network
+    Process,
+    /// In the process of the service
+    None,
+}
 
 /// How jobs are run.
 #[derive(Args, Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -13,6 +23,15 @@ pub(crate) struct WorkersConfig {
     /// Threads of each running job; 0 shares the processors among the workers
     #[arg(long, env = "TURNAROUND_THREADS_PER_JOB", value_name = "N", default_value_t = 0)]
     pub threads_per_job: usize,
+    /// Where jobs are worked on; a process of its own takes no neighbour along when it dies
+    #[arg(
+        long,
+        env = "TURNAROUND_ISOLATION",
+        value_name = "WHERE",
+        value_enum,
+        default_value = "process"
+    )]
+    pub isolation: Isolation,
     /// Times a job is begun at most before it counts as failed
     #[arg(long, env = "TURNAROUND_MAX_ATTEMPTS", value_name = "N", default_value_t = 3)]
     pub max_attempts: u32,

@@ -30,13 +30,13 @@ impl Work for Draw {
         DRAWING
     }
 
-    fn run(&self, attempt: &Attempt<'_>) -> Result<(), WorkError> {
+    fn run(&self, attempt: &dyn Attempt) -> Result<(), WorkError> {
         let unreadable = |error: &dyn Display| WorkError::Broken(format!("payload: {error}"));
-        let payload =
-            DrawPayload::deserialize(&attempt.job().payload).map_err(|error| unreadable(&error))?;
+        let payload = DrawPayload::deserialize(&attempt.task().payload)
+            .map_err(|error| unreadable(&error))?;
         let viewpoints = payload.viewpoints().ok_or_else(|| unreadable(&"an angle is none"))?;
         let model = PreparedModel::new(&self.load(&payload.model, attempt)?)?;
-        let pool = ThreadPoolBuilder::new().num_threads(attempt.threads().max(1)).build();
+        let pool = ThreadPoolBuilder::new().num_threads(attempt.task().threads.max(1)).build();
         let pool = pool.map_err(|error| WorkError::Troubled(error.to_string()))?;
         let mut sink = AttemptSink(attempt);
         thread::scope(|scope| {
@@ -63,7 +63,7 @@ impl Work for Draw {
 }
 
 impl Draw {
-    fn load(&self, model: &ModelSource, attempt: &Attempt<'_>) -> Result<Model, WorkError> {
+    fn load(&self, model: &ModelSource, attempt: &dyn Attempt) -> Result<Model, WorkError> {
         match model {
             ModelSource::Builtin(model) => Ok(model.build()),
             ModelSource::File(file) => Ok(file.load(&attempt.read(file.input())?, &self.model)?),

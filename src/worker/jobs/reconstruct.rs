@@ -23,9 +23,9 @@ impl Work for Reconstruct {
         RECONSTRUCTION
     }
 
-    fn run(&self, attempt: &Attempt<'_>) -> Result<(), WorkError> {
+    fn run(&self, attempt: &dyn Attempt) -> Result<(), WorkError> {
         let unreadable = |error: &dyn Display| WorkError::Broken(format!("payload: {error}"));
-        let mut payload = ReconstructionPayload::deserialize(&attempt.job().payload)
+        let mut payload = ReconstructionPayload::deserialize(&attempt.task().payload)
             .map_err(|error| unreadable(&error))?;
         if payload.has_matches {
             payload.document.matches = serde_json::from_slice(&attempt.read(MATCHES_INPUT)?)
@@ -35,7 +35,7 @@ impl Work for Reconstruct {
             &payload.document,
             &|name| attempt.read(name),
             &self.limits,
-            attempt.threads(),
+            attempt.task().threads,
             &Watch(attempt),
             &mut AttemptSink(attempt),
         )?;

@@ -5,7 +5,7 @@ use progress::{Observer, Progress};
 use crate::worker::Attempt;
 
 /// Lets the pool watch and stop the work.
-pub(super) struct Watch<'a>(pub &'a Attempt<'a>);
+pub(super) struct Watch<'a>(pub &'a dyn Attempt);
 
 impl Observer for Watch<'_> {
     fn progress(&self, progress: Progress) {

@@ -1,9 +1,11 @@
 //! How large a model file may be.
 
+use serde::{Deserialize, Serialize};
+
 use super::ModelError;
 
 /// How large a model may be.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Limits {
     /// Size of the file, bytes.
     pub max_bytes: usize,
