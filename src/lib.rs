@@ -10,5 +10,6 @@ pub mod failure_code;
 pub mod http;
 pub mod kinds;
 pub mod outbound;
+pub mod provenance;
 pub mod webhooks;
 pub mod worker;

@@ -9,8 +9,13 @@ use reqwest::multipart::{Form, Part};
 
 use crate::Result;
 
-/// Three views, cheap to reconstruct.
+/// Three views, cheap to reconstruct, each time anew.
 pub(crate) fn sheet(seed: u64) -> Result<Form> {
+    Ok(plain_sheet(seed)?.text("reuse", "false"))
+}
+
+/// As [`sheet`], with nothing that an older version does not know.
+pub(crate) fn plain_sheet(seed: u64) -> Result<Form> {
     let mut form = Form::new().text("turntable.solid.resolution", "32");
     for azimuth_deg in [0, 45, 90] {
         let png = drawing(seed, azimuth_deg)?;

@@ -13,8 +13,9 @@ mod truth;
 mod turntable;
 mod uncalibrated;
 
-use std::io;
-use std::thread;
+use std::collections::BTreeMap;
+use std::sync::{Mutex, PoisonError};
+use std::{io, thread};
 
 use artifacts::{ArtifactSink, Delivery};
 use frames::Viewpoint;
@@ -22,13 +23,16 @@ use image::{GrayImage, RgbaImage};
 use progress::{Observer, Silent};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
 use sheet::{Sheet, SheetDocument};
 
 use crate::failure_code::FailureCode;
 use crate::kinds::FitSummary;
+use crate::provenance::PROGRAM;
 pub use decode::{DEFAULT_WORKING_BYTES, DraftLimits, check_memory};
 use decode::{DecodedSheet, decode_sheet};
 use options::{Method, Options};
+use report::Provenance;
 use subjects::Preparation;
 use timing::Timed;
 use truth::Truths;
@@ -83,6 +87,13 @@ pub fn produce(
     let options = options_of(document)?;
     let pool = pool(threads)?;
     let timed = Timed::new(observer);
+    let hashes = Mutex::new(BTreeMap::new());
+    let read: ReadImage<'_> = &|name| {
+        let bytes = read(name)?;
+        let hash = hex::encode(Sha256::digest(&bytes));
+        hashes.lock().unwrap_or_else(PoisonError::into_inner).insert(name.to_owned(), hash);
+        Ok(bytes)
+    };
     let DecodedSheet { sheet, preparation } =
         decode_sheet(document, &options, read, limits, &pool, &timed.decoding())?;
     let moved = preparation.as_ref().is_some_and(|done| done.alignment.is_some());
@@ -90,11 +101,14 @@ pub fn produce(
     let inputs = (read, &limits.image, &options.evaluation);
     let truths = Truths::read(document, in_place, inputs, &pool, &timed.decoding())?;
     let (truths, timed) = (truths.as_ref(), &timed);
+    let inputs_sha256 = hashes.lock().unwrap_or_else(PoisonError::into_inner).clone();
+    let provenance = provenance(&options, inputs_sha256)?;
     let run = Run {
         document,
         sheet: &sheet,
         preparation: preparation.as_ref(),
         options: &options,
+        provenance: &provenance,
         truths,
         pool: &pool,
         threads,
@@ -170,6 +184,7 @@ struct Run<'a> {
     /// What was done to the drawings; `None` if they were taken as they are.
     preparation: Option<&'a Preparation>,
     options: &'a Options,
+    provenance: &'a Provenance,
     truths: Option<&'a Truths<'a>>,
     pool: &'a ThreadPool,
     threads: usize,
@@ -182,6 +197,15 @@ fn options_of(document: &SheetDocument) -> Result<Options, DraftError> {
         Some(value) => options::parse(value)
             .map_err(|problems| DraftError::input(FailureCode::InvalidOptions, problems)),
     }
+}
+
+fn provenance(
+    options: &Options,
+    inputs_sha256: BTreeMap<String, String>,
+) -> Result<Provenance, DraftError> {
+    let options = serde_json::to_vec(options).map_err(DraftError::internal)?;
+    let options_sha256 = hex::encode(Sha256::digest(&options));
+    Ok(Provenance { program: PROGRAM, options_sha256, inputs_sha256 })
 }
 
 fn pool(threads: usize) -> Result<ThreadPool, DraftError> {

@@ -1,5 +1,7 @@
 //! The metrics artifact.
 
+use std::collections::BTreeMap;
+
 use artifacts::{AbsentArtifact, DepthPicture};
 use evaluation::TruthReport;
 use picture::EncodeError;
@@ -8,12 +10,14 @@ use subject::Alignment;
 
 use super::options::Options;
 use super::subjects::{DrawingReport, Preparation, SuggestionReport};
+use crate::provenance::Program;
 
 /// The metrics artifact; `M` is what the method measures.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct MetricsDocument<'a, M> {
     /// Of this program.
     pub version: &'a str,
+    pub provenance: &'a Provenance,
     pub width_px: u32,
     pub height_px: u32,
     /// All of them, defaults filled in.
@@ -32,6 +36,16 @@ pub(super) struct MetricsDocument<'a, M> {
     /// Names of the files made before this one.
     pub artifacts: &'a [String],
     pub absent_artifacts: &'a [AbsentArtifact],
+}
+
+/// What the draft was made of, and by what.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(super) struct Provenance {
+    pub program: Program,
+    /// SHA-256 of the options as JSON without spaces, all of them, in their order.
+    pub options_sha256: String,
+    /// SHA-256 of the bytes of each picture and model that was read, by its name.
+    pub inputs_sha256: BTreeMap<String, String>,
 }
 
 /// What was found in the drawings and done to them.

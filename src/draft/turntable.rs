@@ -20,13 +20,15 @@ use super::subjects::Preparation;
 use super::truth::Truths;
 use super::{DraftError, Run, Summary};
 use crate::kinds::FitSummary;
+use crate::provenance::PROGRAM;
 
 /// Mesh, metrics, bundle and timings follow the views.
 const UNITS_AFTER_VIEWS: usize = 4;
 
 /// Runs the method and hands over what it leaves behind.
 pub(super) fn run(run: &Run<'_>, delivery: Delivery<'_>) -> Result<Summary, DraftError> {
-    let Run { document, sheet, preparation, options, truths, pool, threads, timed } = *run;
+    let Run { document, sheet, preparation, options, provenance, .. } = *run;
+    let Run { truths, pool, threads, timed, .. } = *run;
     let own = &options.turntable;
     let reconstructing = timed.reconstructing();
     let draft =
@@ -64,7 +66,8 @@ pub(super) fn run(run: &Run<'_>, delivery: Delivery<'_>) -> Result<Summary, Draf
         exporter.take(Files::none(name, "the method turntable makes solid.glb instead"))?;
     }
     let json = MetricsDocument {
-        version: env!("CARGO_PKG_VERSION"),
+        version: PROGRAM.version,
+        provenance,
         width_px: draft.views.width(),
         height_px: draft.views.height(),
         options,

@@ -17,10 +17,11 @@ use uncalibrated::{
 
 use super::exporter::Exporter;
 use super::options::Options;
-use super::report::MetricsDocument;
+use super::report::{MetricsDocument, Provenance};
 use super::timing::Timed;
 use super::truth::Truths;
 use super::{DraftError, Run, Summary};
+use crate::provenance::PROGRAM;
 
 /// Runs the method and hands over what it leaves behind.
 pub(super) fn run(run: &Run<'_>, delivery: Delivery<'_>) -> Result<Summary, DraftError> {
@@ -38,7 +39,7 @@ pub(super) fn run(run: &Run<'_>, delivery: Delivery<'_>) -> Result<Summary, Draf
     files.pairs()?;
     files.cloud()?;
     files.mesh()?;
-    files.metrics(&metrics, truth.as_ref())?;
+    files.metrics(&metrics, truth.as_ref(), run.provenance)?;
     Ok(Summary {
         views: sheet.views().len(),
         pairs: reconstruction.pairs.len(),
@@ -126,11 +127,13 @@ impl<'a, 'e> Uncalibrated<'a, 'e> {
         &mut self,
         metrics: &Metrics,
         truth: Option<&TruthReport>,
+        provenance: &Provenance,
     ) -> Result<(), DraftError> {
         let (width_px, height_px) =
             self.sheet.views().first().map_or((0, 0), |view| view.image.dimensions());
         let json = MetricsDocument {
-            version: env!("CARGO_PKG_VERSION"),
+            version: PROGRAM.version,
+            provenance,
             width_px,
             height_px,
             options: self.options,

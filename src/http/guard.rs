@@ -17,7 +17,7 @@ use super::problem::{
 pub(super) const MAX_HEADER_BYTES: usize = 64 << 10;
 /// The longest request id that is taken over from a client.
 const MAX_REQUEST_ID: usize = 128;
-const X_REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
+pub(super) const X_REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 
 /// Which requests are meant for the service.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

@@ -14,10 +14,9 @@ use tower_http::trace::TraceLayer;
 use tracing::Span;
 
 use super::conditional::{PREFER, PREFERENCE_APPLIED};
+use super::guard::X_REQUEST_ID;
 use super::upload::IDEMPOTENCY_KEY;
 use super::{guard, problem, telemetry};
-
-const X_REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 
 /// What pages of the service may load and do: their own files, and pictures that
 /// they hold themselves. Nobody may frame them.

@@ -65,6 +65,9 @@ pub struct JobStatus {
     pub pinned: bool,
     /// Whether somebody asked to cancel it.
     pub cancel_requested: bool,
+    /// The earlier job whose result it was answered with.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reused_from: Option<Uuid>,
     /// How far the current attempt is; never goes back within an attempt.
     pub progress: Option<Progress>,
     /// Why it failed.
@@ -222,6 +225,7 @@ impl From<&Job> for JobStatus {
             expires_at: job.tags.expires_at,
             pinned: job.tags.pinned,
             cancel_requested: job.cancel_requested,
+            reused_from: job.reused_from.map(|id| id.0),
             progress: job.progress.clone().and_then(|value| serde_json::from_value(value).ok()),
             failure: job.failure.clone().map(FailureReason::from),
             created_at: job.created_at,

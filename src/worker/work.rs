@@ -65,6 +65,8 @@ pub struct Task {
     pub attempt: u32,
     /// Whose the job is.
     pub tenant: TenantName,
+    /// The request that it came with.
+    pub request_id: Option<String>,
     /// Which work it is.
     pub kind: String,
     /// What the work needs, apart from stored bytes.
@@ -76,8 +78,9 @@ pub struct Task {
 impl Task {
     pub(super) fn new(claim: Claim, threads: usize) -> Self {
         let (job, attempt) = (claim.job, claim.attempt);
-        let (tenant, kind, payload) = (job.tenant, job.kind, job.payload);
-        Self { job: job.id, attempt, tenant, kind, payload, threads }
+        let (tenant, request_id) = (job.tenant, job.request_id);
+        let (kind, payload) = (job.kind, job.payload);
+        Self { job: job.id, attempt, tenant, request_id, kind, payload, threads }
     }
 }
 

@@ -12,7 +12,7 @@ use serde_json::Value;
 use sha2::{Digest, Sha256};
 use testbed::{Durability, Farm};
 
-use crate::faults::process::{PATIENCE, Process, sheet};
+use crate::faults::process::{PATIENCE, Process, reusable_sheet, sheet};
 use crate::service_crash::form;
 
 fn farm() -> Farm {
@@ -54,6 +54,36 @@ impl Drop for Worker {
     fn drop(&mut self) {
         let _ = self.0.kill();
         self.0.wait().unwrap();
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_result_made_by_one_node_is_another_one_s_answer() {
+    let farm = farm();
+    let (nodes, _worker) = ([api(&farm), api(&farm)], worker(&farm));
+    let post = async |node: &Process| -> Value {
+        let request = node.post("/v1/reconstructions").multipart(reusable_sheet());
+        request.send().await.unwrap().json().await.unwrap()
+    };
+    let path = |job: &Value| format!("/v1/reconstructions/{}", job["id"].as_str().unwrap());
+    let first = post(&nodes[0]).await;
+    nodes[0].until(&path(&first), |_, job| job["state"] == "succeeded").await;
+    let again = post(&nodes[1]).await;
+    assert_eq!((&again["state"], &again["reused_from"]), (&"succeeded".into(), &first["id"]));
+    let listed = async |job: &Value| -> Vec<(Value, Value)> {
+        let list = nodes[1].get(&format!("{}/artifacts", path(job))).send().await.unwrap();
+        let list: Value = list.json().await.unwrap();
+        let entries = list["artifacts"].as_array().unwrap().iter();
+        entries.map(|entry| (entry["name"].clone(), entry["sha256"].clone())).collect()
+    };
+    let made = listed(&first).await;
+    assert_eq!(listed(&again).await, made);
+    let url = format!("{}{}", nodes[0].url, path(&first));
+    assert_eq!(nodes[0].client.delete(url).send().await.unwrap().status(), 204);
+    for (name, sha256) in made {
+        let file = format!("{}/artifacts/{}", path(&again), name.as_str().unwrap());
+        let bytes = nodes[0].get(&file).send().await.unwrap().bytes().await.unwrap();
+        assert_eq!(hex::encode(Sha256::digest(&bytes)), sha256, "{name}");
     }
 }
 

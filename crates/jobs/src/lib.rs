@@ -34,9 +34,9 @@ pub use sqlite::SqliteStore;
 pub use storage::StorageStore;
 pub use store::{JobStore, StoreError};
 pub use types::{
-    ATTEMPTS_EXHAUSTED, ArtifactEntry, CRASHED, Claim, Event, EventKind, Failure, Heartbeat,
-    Idempotency, Job, JobChange, JobCounts, JobId, JobState, LEASE_EXPIRED, ListQuery, NewJob,
-    Page, Tags, UNREADABLE,
+    ATTEMPTS_EXHAUSTED, ArtifactEntry, CRASHED, Claim, EarlierResult, Event, EventKind, Failure,
+    Heartbeat, Idempotency, Job, JobChange, JobCounts, JobId, JobState, LEASE_EXPIRED, ListQuery,
+    NewJob, Page, Queue, Tags, UNREADABLE,
 };
 pub use webhooks::{
     Delivery, DeliveryAttempt, DeliveryState, Ended, WebhookStore, new_webhook_secret,

@@ -8,7 +8,9 @@ use jiff::Timestamp;
 use serde_json::{Value, json};
 
 use super::{ATTEMPTS_EXHAUSTED, CRASHED, LEASE_EXPIRED};
-use super::{ArtifactEntry, EventKind, Failure, Job, JobState, NewJob, StoreError, Uptime};
+use super::{
+    ArtifactEntry, EarlierResult, EventKind, Failure, Job, JobState, NewJob, StoreError, Uptime,
+};
 
 /// The longest pause before a job that the machine broke off is claimed again.
 const LONGEST_PAUSE: Duration = Duration::from_secs(60);
@@ -70,6 +72,7 @@ impl Record {
             priority: job.priority,
             tags: job.tags,
             webhook: job.webhook,
+            request_id: job.request_id,
             payload: job.payload,
             state: JobState::Queued,
             attempt: 0,
@@ -80,6 +83,7 @@ impl Record {
             failure: None,
             artifacts: Vec::new(),
             summary: None,
+            reused_from: job.result.map(|result| result.of),
             created_at: now.time,
             started_at: None,
             finished_at: None,
@@ -100,6 +104,18 @@ impl Record {
         self.worker = Some(worker.to_owned());
         self.lease_until = Some(now.uptime.after(lease));
         Change { kind: EventKind::Started, data: json!({ "attempt": self.job.attempt }) }
+    }
+
+    /// Ends a queued job with an earlier result, as if an attempt had made it.
+    pub(crate) fn answer(&mut self, result: EarlierResult, now: &Present) -> Change {
+        self.job.attempt = 1;
+        self.job.attempts_used = 1;
+        self.job.started_at = Some(now.time);
+        self.job.artifacts = result.artifacts;
+        self.job.summary = result.summary;
+        let mut change = self.finish(JobState::Succeeded, now.time);
+        change.data["reused_from"] = json!(result.of);
+        change
     }
 
     /// Whether `attempt` is the one that runs now.

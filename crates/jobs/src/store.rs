@@ -11,7 +11,7 @@ use super::storage::StorageStore;
 use super::webhooks::WebhookStore;
 use super::{
     ArtifactEntry, Claim, Event, Failure, Heartbeat, Idempotency, Job, JobChange, JobCounts, JobId,
-    JobState, ListQuery, NewJob, Page, Tags, TenantName,
+    JobState, ListQuery, NewJob, Page, Queue, Tags, TenantName,
 };
 
 /// Changes a slow listener may lag behind before it misses some.
@@ -102,7 +102,8 @@ pub enum StoreError {
 pub trait JobStore: PageStore + WebhookStore + StorageStore {
     /// Adds a job in state queued. If its idempotency key came with the same
     /// upload in the last day, the job that this became is returned instead, and
-    /// nothing is added.
+    /// nothing is added. One that comes with an earlier job's result has succeeded
+    /// on return.
     ///
     /// # Errors
     /// [`StoreError::NoTenant`] if its tenant is not there,
@@ -120,6 +121,15 @@ pub trait JobStore: PageStore + WebhookStore + StorageStore {
         &self,
         tenant: &TenantName,
         given: &Idempotency,
+    ) -> Result<Option<Job>, StoreError>;
+
+    /// The latest job of a tenant and kind that has succeeded with this key of its
+    /// result, and whose time is not over.
+    async fn with_result(
+        &self,
+        tenant: &TenantName,
+        kind: &str,
+        result_key: &str,
     ) -> Result<Option<Job>, StoreError>;
 
     /// The job as it is now.
@@ -236,6 +246,9 @@ pub trait JobStore: PageStore + WebhookStore + StorageStore {
 
     /// Stored jobs by state.
     async fn counts(&self) -> Result<JobCounts, StoreError>;
+
+    /// The jobs that wait, by tenant.
+    async fn queues(&self) -> Result<Vec<Queue>, StoreError>;
 
     /// Jobs queued and running now.
     async fn depth(&self) -> Result<(u64, u64), StoreError>;

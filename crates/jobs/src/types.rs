@@ -121,6 +121,24 @@ pub struct NewJob {
     pub webhook: Option<String>,
     /// Given by a client that may send it again.
     pub idempotency: Option<Idempotency>,
+    /// The request that it came with, to follow it through the logs of all nodes.
+    pub request_id: Option<String>,
+    /// A hash of all that its result depends on.
+    pub result_key: Option<String>,
+    /// Ends it at once with the result of another; the artifacts' bytes are its
+    /// own already, as those of attempt 1.
+    pub result: Option<EarlierResult>,
+}
+
+/// The result of an earlier job.
+#[derive(Clone, Debug)]
+pub struct EarlierResult {
+    /// Whose it is.
+    pub of: JobId,
+    /// What it published.
+    pub artifacts: Vec<ArtifactEntry>,
+    /// What it came to.
+    pub summary: Option<Value>,
 }
 
 impl NewJob {
@@ -140,6 +158,9 @@ impl NewJob {
             tags: Tags::default(),
             webhook: None,
             idempotency: None,
+            request_id: None,
+            result_key: None,
+            result: None,
         }
     }
 }
@@ -159,6 +180,8 @@ pub struct Job {
     pub tags: Tags,
     /// Where its end is told; `None` for its tenant's address.
     pub webhook: Option<String>,
+    /// The request that it came with.
+    pub request_id: Option<String>,
     /// What the work needs, apart from stored bytes.
     pub payload: Value,
     /// Where it is in its life.
@@ -180,6 +203,8 @@ pub struct Job {
     pub artifacts: Vec<ArtifactEntry>,
     /// What it came to in a few values, if succeeded and its work says so.
     pub summary: Option<Value>,
+    /// The job whose result it was answered with.
+    pub reused_from: Option<JobId>,
     /// When it was enqueued.
     pub created_at: Timestamp,
     /// When the current attempt began.
@@ -194,6 +219,10 @@ pub struct Job {
 impl Job {
     /// The job as it was when it was enqueued.
     pub fn as_enqueued(&self) -> Self {
+        // One with an earlier result has ended when it is enqueued.
+        if self.reused_from.is_some() {
+            return self.clone();
+        }
         Self {
             state: JobState::Queued,
             attempt: 0,
@@ -316,6 +345,17 @@ pub struct JobChange {
     pub kind: EventKind,
     /// The job's version after the change.
     pub version: u64,
+}
+
+/// The jobs of a tenant that wait for a worker.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Queue {
+    /// Whose they are.
+    pub tenant: TenantName,
+    /// How many.
+    pub jobs: u64,
+    /// When the oldest of them was enqueued.
+    pub oldest: Timestamp,
 }
 
 /// How many jobs are stored in each state.

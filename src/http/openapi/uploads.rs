@@ -21,6 +21,8 @@ pub(super) fn upload_schema() -> Value {
                 "description": "The azimuths of the page's figures in reading order, degrees; `auto` guesses them."},
             "source": {"type": "string", "format": "uuid",
                 "description": "An earlier reconstruction: its views are taken again, and its options for those not given."},
+            "reuse": {"type": "boolean", "default": true,
+                "description": "Whether the result of an earlier job with the same input, options and version will do: then the job has succeeded when it is answered."},
             "view": {"type": "array", "items": picture,
                 "description": "Drawings at any angles: repeated, each with a part `azimuth_deg`, and `elevation_deg` if some are not level, in the same order. The same as parts `view[AZIMUTH]`, for clients whose parts must have names known beforehand."},
             "azimuth_deg": {"type": "array", "items": {"type": "number"},
@@ -78,6 +80,8 @@ pub(super) fn model_upload_schema() -> Value {
             "up_axis": {"type": "string", "enum": ["y", "z"],
                 "description": "Which axis of the file points up; y in glTF and z in the others if not given."},
             "options": {"$ref": "#/components/schemas/SheetOptions"},
+            "reuse": {"type": "boolean", "default": true,
+                "description": "Whether the result of an earlier job with the same input, options and version will do: then the job has succeeded when it is answered."},
         },
         "additionalProperties": {"type": "string", "description": "A single option."},
     })

@@ -16,6 +16,7 @@ mod page;
 mod page_forms;
 mod parts;
 mod pictures;
+mod reuse;
 mod source;
 mod terms;
 mod truths;
@@ -77,6 +78,8 @@ pub(super) struct Upload {
     kind: &'static str,
     payload: Value,
     inputs: Inputs,
+    /// Whether an earlier job's result will do.
+    reuse: bool,
     /// On the budget, for what was fetched beside the body.
     fetched: Option<OwnedSemaphorePermit>,
 }
@@ -96,7 +99,7 @@ impl Upload {
     fn new(kind: &'static str, payload: &impl Serialize, inputs: Inputs) -> Result<Self, Problem> {
         let payload = serde_json::to_value(payload);
         let payload = payload.map_err(|error| Problem::internal("payload", &error))?;
-        Ok(Self { kind, payload, inputs, fetched: None })
+        Ok(Self { kind, payload, inputs, reuse: true, fetched: None })
     }
 }
 
@@ -208,7 +211,7 @@ fn check_head(headers: &HeaderMap, limit: u64) -> Result<String, Problem> {
 }
 
 async fn enqueue(api: &Api, upload: Upload, terms: &Terms) -> Result<Job, Problem> {
-    let Terms { caller, key, priority, tags, webhook } = terms;
+    let Terms { caller, key, request_id, priority, tags, webhook } = terms;
     let (upload, idempotency) = match key {
         None => (upload, None),
         Some(key) => {
@@ -227,11 +230,16 @@ async fn enqueue(api: &Api, upload: Upload, terms: &Terms) -> Result<Job, Proble
         return Ok(job);
     }
     let id = JobId::new();
-    let Upload { kind, payload, inputs, fetched: _hold } = upload;
     let stored = async {
+        let result_key = reuse::key(api, &upload).await?;
+        let Upload { kind, payload, inputs, reuse, fetched: _hold } = upload;
         api.state.store.expect_bytes(id).await?;
         store_inputs(api, id, inputs).await?;
         let bytes = api.state.bytes.stored(id).await?;
+        let result = match reuse {
+            true => reuse::take(api, &caller.tenant, (kind, &result_key), id).await?,
+            false => None,
+        };
         let max_attempts = api.state.max_attempts;
         let job = NewJob {
             tenant: caller.tenant.clone(),
@@ -242,6 +250,9 @@ async fn enqueue(api: &Api, upload: Upload, terms: &Terms) -> Result<Job, Proble
             bytes,
             max_bytes: caller.limits.max_bytes,
             idempotency,
+            request_id: request_id.clone(),
+            result_key: Some(result_key),
+            result,
             ..NewJob::new(id, kind, payload, max_attempts)
         };
         api.state.store.enqueue(job).await.map_err(idempotency_problem)
@@ -279,16 +290,19 @@ async fn store_inputs(api: &Api, job: JobId, inputs: Inputs) -> Result<(), Probl
             write_inputs(bytes, job, own).await?;
             for name in &names {
                 let from = Key::Input { job: source, name };
-                bytes.copy(&from, &Key::Input { job, name }).await.map_err(
-                    |error| match error {
-                        ByteError::NotFound(_) => source::gone(source),
-                        other => other.into(),
-                    },
-                )?;
+                let copied = bytes.copy(&from, &Key::Input { job, name }).await;
+                copied.map_err(|error| copy_problem(source, error))?;
             }
         }
     }
     Ok(())
+}
+
+fn copy_problem(source: JobId, error: ByteError) -> Problem {
+    match error {
+        ByteError::NotFound(_) => source::gone(source),
+        other => other.into(),
+    }
 }
 
 /// Writes the files of a job or page, a few at a time; they are durable on return.

@@ -6,7 +6,7 @@ use serde_json::{Map, Value};
 
 use super::option_parts::GivenOptions;
 use super::parts::{expect_new, is_option_name, part_name, read_limited, read_text};
-use super::{Form, Inputs, JobForm, Upload};
+use super::{Form, Inputs, JobForm, Upload, reuse};
 use crate::http::access::Caller;
 use crate::http::problem::{
     CAMERA_INSIDE_MODEL, DUPLICATE_AZIMUTH, EMPTY_FILE, EXTERNAL_REFERENCE, INVALID_ANGLE,
@@ -33,6 +33,8 @@ pub(crate) struct ModelForm {
     model: Option<Given>,
     azimuths: Option<ViewpointList>,
     up_axis: Option<UpAxis>,
+    /// Whether an earlier result will do.
+    reuse: Option<bool>,
     options: GivenOptions,
 }
 
@@ -62,6 +64,10 @@ impl Form for ModelForm {
                 expect_new(self.up_axis.is_none(), &name)?;
                 self.up_axis = Some(up_axis(&read_text(field, &name).await?)?);
             }
+            ("reuse", None) => {
+                expect_new(self.reuse.is_none(), &name)?;
+                self.reuse = Some(reuse::read(field, &name).await?);
+            }
             ("options", _) => self.options.read_document(field, &name, limits).await?,
             (_, None) if is_option_name(&name) => self.options.read_field(field, name).await?,
             _ => return Err(unknown_part(&name)),
@@ -84,7 +90,8 @@ impl JobForm for ModelForm {
         let viewpoints = azimuths.at(options.elevation());
         let drawing = Drawing { source, bytes, viewpoints, options };
         let (model, sheet) = (api.limits.model, api.limits.sheet);
-        api.decoders.run(move || drawing.checked(&model, &sheet)).await?
+        let upload = api.decoders.run(move || drawing.checked(&model, &sheet)).await??;
+        Ok(Upload { reuse: self.reuse.unwrap_or(true), ..upload })
     }
 }
 

@@ -10,7 +10,7 @@ use super::matches;
 use super::option_parts::GivenOptions;
 use super::page::PageParts;
 use super::pictures::{check_start, image_problem};
-use super::{Form, Inputs, JobForm, Upload, fetch, source, truths};
+use super::{Form, Inputs, JobForm, Upload, fetch, reuse, source, truths};
 use crate::http::access::Caller;
 use crate::http::problem::{
     BODY_TOO_LARGE, CONFLICTING_PARTS, DUPLICATE_AZIMUTH, DUPLICATE_PART, EMPTY_FILE,
@@ -58,6 +58,8 @@ pub(crate) struct Parts {
     pub given: GivenOptions,
     pub page: PageParts,
     pub source: Option<String>,
+    /// Whether an earlier result will do.
+    pub reuse: Option<bool>,
 }
 
 enum Kind {
@@ -80,6 +82,7 @@ enum Kind {
     PageId,
     Azimuths,
     Source,
+    Reuse,
     Field,
 }
 
@@ -189,6 +192,10 @@ impl Form for Parts {
                 expect_new(self.source.is_none(), &name)?;
                 self.source = Some(read_text(field, &name).await?);
             }
+            Kind::Reuse => {
+                expect_new(self.reuse.is_none(), &name)?;
+                self.reuse = Some(reuse::read(field, &name).await?);
+            }
             Kind::Field => self.given.read_field(field, name).await?,
         }
         Ok(())
@@ -198,6 +205,7 @@ impl Form for Parts {
 impl JobForm for Parts {
     async fn check(mut self, api: &Api, caller: &Caller) -> Result<Upload, Problem> {
         self.place_loose_views(&api.limits)?;
+        let reuse = self.reuse.unwrap_or(true);
         if let Some(page) = self.page.id.take() {
             let (id, document) = source::of_page(api, caller, &page, self).await?;
             let inputs = Inputs::Copied {
@@ -211,7 +219,7 @@ impl JobForm for Parts {
                 page: Some(id.0),
                 has_matches: false,
             };
-            return Upload::new(RECONSTRUCTION, &payload, inputs);
+            return Ok(Upload { reuse, ..Upload::new(RECONSTRUCTION, &payload, inputs)? });
         }
         if let Some(part) = self.page.any() {
             let others = [self.source.as_ref().map(|_| "source".to_owned()), self.any_of_others()];
@@ -245,7 +253,7 @@ impl JobForm for Parts {
             }
         };
         let payload = ReconstructionPayload { document, source, page: None, has_matches };
-        Ok(Upload { fetched, ..Upload::new(RECONSTRUCTION, &payload, inputs)? })
+        Ok(Upload { reuse, fetched, ..Upload::new(RECONSTRUCTION, &payload, inputs)? })
     }
 }
 
@@ -418,6 +426,7 @@ fn kind(name: &str, file_name: Option<&str>) -> Result<Kind, Problem> {
         ("page", None) => Ok(Kind::PageId),
         ("azimuths", None) => Ok(Kind::Azimuths),
         ("source", _) => Ok(Kind::Source),
+        ("reuse", None) => Ok(Kind::Reuse),
         ("image" | "mask", Some(file)) if !file.is_empty() => Ok(Kind::Picture(file.to_owned())),
         ("truth_model", _) => {
             let detail = "`truth_model` has no file name to tell its format by";

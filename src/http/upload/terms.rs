@@ -12,6 +12,7 @@ use sha2::{Digest, Sha256};
 
 use super::{Inputs, Upload};
 use crate::http::access::Caller;
+use crate::http::guard::X_REQUEST_ID;
 use crate::http::problem::{INVALID_IDEMPOTENCY_KEY, INVALID_QUERY, Problem};
 use crate::http::tags;
 use jobs::Tags;
@@ -27,6 +28,8 @@ pub(super) struct Terms {
     pub caller: Arc<Caller>,
     /// The client's name for the upload.
     pub key: Option<String>,
+    /// What the request is called in the logs.
+    pub request_id: Option<String>,
     pub priority: i32,
     pub tags: Tags,
     /// Where the job's end is told, not yet checked.
@@ -59,7 +62,9 @@ impl Terms {
         let caller = Caller::of(head)?;
         let expires_in = expires_in.or(caller.limits.expires_in.map(i64::from));
         let tags = tags::of_query(name, labels.as_deref(), expires_in, pinned, Timestamp::now())?;
-        Ok(Self { caller, key: key(&head.headers)?, priority, tags, webhook })
+        let request_id = head.headers.get(X_REQUEST_ID).and_then(|id| id.to_str().ok());
+        let request_id = request_id.map(str::to_owned);
+        Ok(Self { caller, key: key(&head.headers)?, request_id, priority, tags, webhook })
     }
 }
 

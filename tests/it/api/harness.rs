@@ -167,6 +167,12 @@ impl Service {
         }
     }
 
+    /// Which file of the disk has these bytes.
+    pub(crate) fn file_number(&self, key: &Key<'_>) -> u64 {
+        let path = self.folder.path().join("bytes").join(key.path().unwrap().as_ref());
+        std::os::unix::fs::MetadataExt::ino(&std::fs::metadata(path).unwrap())
+    }
+
     pub(crate) async fn stored_inputs(&self, id: JobId, names: &[&str]) -> Vec<Vec<u8>> {
         let mut found = Vec::new();
         for name in names {
@@ -194,8 +200,13 @@ pub(crate) fn file(bytes: Vec<u8>, name: &str) -> Part {
     Part::bytes(bytes).file_name(name.to_owned())
 }
 
-/// A form with a drawing at each of these angles.
+/// A form with a drawing at each of these angles, reconstructed whatever was before.
 pub(crate) fn views(angles: &[&str]) -> Form {
+    reusable_views(angles).text("reuse", "false")
+}
+
+/// As [`views`]; an earlier result will do.
+pub(crate) fn reusable_views(angles: &[&str]) -> Form {
     let mut form = Form::new();
     for (index, angle) in angles.iter().enumerate() {
         let drawing = drawing(32, 24, index as u32);

@@ -11,6 +11,7 @@ mod page_uploads;
 mod pages;
 pub(crate) mod receiver;
 mod resources;
+mod reuse;
 mod service;
 mod sheet_problems;
 mod sheets;

@@ -89,8 +89,13 @@ pub(crate) fn command(folder: &Path, settings: &[&str]) -> Command {
     command
 }
 
-/// Three small views, cheap to reconstruct.
+/// Three small views, cheap to reconstruct, each time anew.
 pub(crate) fn sheet() -> Form {
+    reusable_sheet().text("reuse", "false")
+}
+
+/// As [`sheet`]; an earlier result will do.
+pub(crate) fn reusable_sheet() -> Form {
     ["0", "45", "90"].iter().fold(
         Form::new().text("turntable.solid.resolution", "32"),
         |form, angle| {

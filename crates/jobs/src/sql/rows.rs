@@ -38,6 +38,7 @@ impl<'r> FromRow<'r, Row> for Record {
                 pinned: flag(row, "pinned")?,
             },
             webhook: row.try_get("webhook")?,
+            request_id: row.try_get("request_id")?,
             payload: json(row, "payload")?,
             state: named(row, "state")?,
             attempt: integer(row, "attempt")?,
@@ -48,6 +49,7 @@ impl<'r> FromRow<'r, Row> for Record {
             failure: optional_json(row, "failure")?,
             artifacts: json(row, "artifacts")?,
             summary: optional_json(row, "summary")?,
+            reused_from: reused_from(row)?,
             created_at: time(row, "created_ms")?,
             started_at: optional_time(row, "started_ms")?,
             finished_at: optional_time(row, "finished_ms")?,
@@ -112,6 +114,11 @@ pub(super) fn id(row: &Row) -> Option<JobId> {
     text(row, "id").ok()?.parse().ok()
 }
 
+fn reused_from(row: &Row) -> sqlx::Result<Option<JobId>> {
+    let id: Option<&str> = row.try_get("reused_from")?;
+    id.map(|id| id.parse().map_err(decode)).transpose()
+}
+
 /// The job of a listed row. One that can't be read is left out: it must not
 /// take the others with it.
 pub(super) fn job(row: &Row) -> Option<Job> {
@@ -133,15 +140,16 @@ pub(super) async fn insert(
     connection: &mut Connection,
     record: &Record,
     bytes: u64,
+    result_key: Option<&str>,
 ) -> Result<(), StoreError> {
     let job = &record.job;
     sqlx::query(
         "INSERT INTO jobs (id, kind, payload, state, attempt, attempts_used, max_attempts,
              cancel_requested, boot, not_before_ms, artifacts, created_ms, version, tenant,
              priority, name, labels, expires_ms, pinned, webhook,
-             bytes)
+             bytes, result_key, reused_from, request_id)
          VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, '[]', $11, $12, $13, $14,
-             $15, $16, $17, $18, $19, $20)",
+             $15, $16, $17, $18, $19, $20, $21, $22, $23)",
     )
     .bind(job.id.to_string())
     .bind(&job.kind)
@@ -163,6 +171,9 @@ pub(super) async fn insert(
     .bind(i64::from(job.tags.pinned))
     .bind(&job.webhook)
     .bind(bytes.cast_signed())
+    .bind(result_key)
+    .bind(job.reused_from.map(|id| id.to_string()))
+    .bind(&job.request_id)
     .execute(connection)
     .await
     .map_err(backend)?;

@@ -15,7 +15,8 @@ use super::{
 use crate::record::{Change, Ending, Record};
 use crate::{
     ArtifactEntry, Claim, Event, EventKind, Failure, Heartbeat, Idempotency, Job, JobChange,
-    JobCounts, JobId, JobState, JobStore, ListQuery, NewJob, Page, StoreError, Tags, TenantName,
+    JobCounts, JobId, JobState, JobStore, ListQuery, NewJob, Page, Queue, StoreError, Tags,
+    TenantName,
 };
 
 async fn expect_queue(
@@ -40,6 +41,7 @@ impl JobStore for Store {
     async fn enqueue(&self, job: NewJob) -> Result<Job, StoreError> {
         let (max_queued, given) = (job.max_queued, job.idempotency.clone());
         let (bytes, max_bytes) = (job.bytes, job.max_bytes);
+        let (result_key, result) = (job.result_key.clone(), job.result.clone());
         let (mut transaction, now) = self.begin().await?;
         let (mut record, change) = Record::new(job, &now);
         record.job.version = 1;
@@ -51,12 +53,19 @@ impl JobStore for Store {
             }
             idempotency::remember(&mut transaction, tenant, given, id, now.time).await?;
         }
-        if let Some(most) = max_queued {
+        if let Some(most) = max_queued.filter(|_| result.is_none()) {
             expect_queue(&mut transaction, &record.job.tenant, most).await?;
         }
-        storage::expect_room(&mut transaction, &record.job.tenant, bytes, max_bytes).await?;
-        rows::insert(&mut transaction, &record, bytes).await?;
+        let artifacts = result.iter().flat_map(|result| &result.artifacts);
+        let room = bytes + artifacts.map(|artifact| artifact.bytes).sum::<u64>();
+        storage::expect_room(&mut transaction, &record.job.tenant, room, max_bytes).await?;
+        rows::insert(&mut transaction, &record, bytes, result_key.as_deref()).await?;
         ownerless::remove(&mut transaction, record.job.id).await?;
+        if let Some(result) = result {
+            rows::append(&mut transaction, &record.job, &change, now.time).await?;
+            let change = record.answer(result, &now);
+            return self.commit(transaction, record, change, &now).await;
+        }
         self.finish(transaction, record.job, change, &now).await
     }
 
@@ -71,6 +80,30 @@ impl JobStore for Store {
             Some(id) => Ok(Some(rows::load(&mut connection, id).await?.job)),
             None => Ok(None),
         }
+    }
+
+    async fn with_result(
+        &self,
+        tenant: &TenantName,
+        kind: &str,
+        result_key: &str,
+    ) -> Result<Option<Job>, StoreError> {
+        let mut connection = self.readers().acquire().await.map_err(backend)?;
+        let now = self.present(&mut connection).await?.time;
+        let row = sqlx::query(
+            "SELECT * FROM jobs
+             WHERE tenant = $1 AND result_key = $2 AND state = 'succeeded' AND kind = $3
+                 AND (expires_ms IS NULL OR pinned = 1 OR expires_ms > $4)
+             ORDER BY id DESC LIMIT 1",
+        )
+        .bind(tenant.as_str())
+        .bind(result_key)
+        .bind(kind)
+        .bind(now.as_millisecond())
+        .fetch_optional(&mut *connection)
+        .await
+        .map_err(backend)?;
+        Ok(row.as_ref().and_then(rows::job))
     }
 
     async fn get(&self, id: JobId) -> Result<Job, StoreError> {
@@ -305,6 +338,22 @@ impl JobStore for Store {
             failed: failed.cast_unsigned(),
             cancelled: cancelled.cast_unsigned(),
         })
+    }
+
+    async fn queues(&self) -> Result<Vec<Queue>, StoreError> {
+        let queues: Vec<(String, i64, i64)> = sqlx::query_as(
+            "SELECT tenant, count(*), min(created_ms) FROM jobs WHERE state = 'queued'
+             GROUP BY tenant ORDER BY tenant",
+        )
+        .fetch_all(self.readers())
+        .await
+        .map_err(backend)?;
+        let queue = |(tenant, jobs, oldest_ms): (String, i64, i64)| {
+            let tenant = tenant.try_into().map_err(backend)?;
+            let oldest = Timestamp::from_millisecond(oldest_ms).map_err(backend)?;
+            Ok(Queue { tenant, jobs: jobs.cast_unsigned(), oldest })
+        };
+        queues.into_iter().map(queue).collect()
     }
 
     async fn depth(&self) -> Result<(u64, u64), StoreError> {

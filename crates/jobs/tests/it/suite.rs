@@ -5,10 +5,11 @@ use std::collections::HashSet;
 use std::sync::Arc;
 use std::time::Duration;
 
+use jiff::Timestamp;
 use jobs::{
-    AccessStore, ArtifactEntry, Claim, Clock, Event, EventKind, Failure, Heartbeat, Idempotency,
-    Job, JobCounts, JobId, JobState, JobStore, KeyText, ListQuery, ManualClock, NewJob, NewKey,
-    NewPage, Scope, StoreError, Tags, TenantLimits, TenantName,
+    AccessStore, ArtifactEntry, Claim, Clock, EarlierResult, Event, EventKind, Failure, Heartbeat,
+    Idempotency, Job, JobCounts, JobId, JobState, JobStore, KeyText, ListQuery, ManualClock,
+    NewJob, NewKey, NewPage, Scope, StoreError, Tags, TenantLimits, TenantName,
 };
 use serde_json::json;
 
@@ -109,6 +110,7 @@ pub(crate) async fn run<F: AsyncFn() -> Subject>(fresh: F) {
     a_job_goes_from_queued_to_succeeded(&fresh().await).await;
     the_oldest_queued_job_is_claimed_first(&fresh().await).await;
     an_upload_that_is_sent_again_is_one_job(&fresh().await).await;
+    a_result_is_found_by_its_key_and_answers_others(&fresh().await).await;
     only_so_many_jobs_of_a_tenant_wait(&fresh().await).await;
     tenants_are_served_in_turn(&fresh().await).await;
     a_tenant_s_jobs_are_its_own(&fresh().await).await;
@@ -260,6 +262,48 @@ async fn an_upload_that_is_sent_again_is_one_job(subject: &Subject) {
     subject.clock.advance(Duration::from_secs(24 * 3600));
     assert_eq!(store.enqueued(&default, &given("a")).await.unwrap(), None);
     assert_ne!(store.enqueue(keyed("k", "c")).await.unwrap().id, first.id);
+}
+
+async fn a_result_is_found_by_its_key_and_answers_others(subject: &Subject) {
+    let (store, key) = (&subject.store, "ab".repeat(32));
+    let other = TenantName::try_from("other".to_owned()).unwrap();
+    subject.access.create_tenant(&other).await.unwrap();
+    let keyed = |tenant: &TenantName, result| NewJob {
+        tenant: tenant.clone(),
+        result_key: Some(key.clone()),
+        result,
+        ..NewJob::new(JobId::new(), "test", json!({}), 3)
+    };
+    let find = async |tenant: &TenantName, kind: &str| {
+        store.with_result(tenant, kind, &key).await.unwrap().map(|job| job.id)
+    };
+    let own = TenantName::default();
+    let first = store.enqueue(keyed(&own, None)).await.unwrap();
+    assert_eq!(find(&own, "test").await, None, "it has no result yet");
+    let claim = subject.claim().await.unwrap();
+    store.succeed(first.id, claim.attempt, artifacts(), Some(json!({ "fit": 1 }))).await.unwrap();
+    assert_eq!(find(&own, "test").await, Some(first.id));
+    assert_eq!(find(&own, "drawing").await, None);
+    assert_eq!(find(&other, "test").await, None);
+
+    let summary = subject.get(first.id).await.summary;
+    let result = EarlierResult { of: first.id, artifacts: artifacts(), summary };
+    let mut again = keyed(&own, Some(result));
+    again.tags.expires_at = Some(Timestamp::from_millisecond(0).unwrap());
+    // Nothing waits for it: it does not count among those that do.
+    again.max_queued = Some(0);
+    let again = store.enqueue(again).await.unwrap();
+    assert_eq!(again, subject.get(again.id).await);
+    assert_eq!((again.state, again.attempt), (JobState::Succeeded, 1));
+    assert_eq!((again.reused_from, &again.artifacts), (Some(first.id), &artifacts()));
+    assert_eq!(again.summary, Some(json!({ "fit": 1 })));
+    assert_eq!(subject.kinds(again.id).await, [EventKind::Queued, EventKind::Succeeded]);
+    assert!(subject.claim().await.is_none());
+    // The later one's time is over already.
+    assert_eq!(find(&own, "test").await, Some(first.id));
+    store.delete(first.id).await.unwrap();
+    assert_eq!(find(&own, "test").await, None);
+    assert_eq!(subject.get(again.id).await.reused_from, Some(first.id));
 }
 
 async fn only_so_many_jobs_of_a_tenant_wait(subject: &Subject) {
