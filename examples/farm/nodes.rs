@@ -1,7 +1,7 @@
 //! The processes of a farm.
 
 use std::io::{BufRead, BufReader};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
 use testbed::Farm;
@@ -10,14 +10,24 @@ use crate::Result;
 
 /// A node that answers requests and runs nothing.
 pub(crate) fn api(farm: &Farm) -> Result<Node> {
-    let mut command = farm.command(program()?, "serve");
+    api_of(&program()?, farm)
+}
+
+/// As [`api`], of another program.
+pub(crate) fn api_of(program: &Path, farm: &Farm) -> Result<Node> {
+    let mut command = farm.command(program, "serve");
     command.args(["--listen", "127.0.0.1:0", "--workers", "0", "--max-attempts", "50"]);
     Node::start(command)
 }
 
 /// A node that runs a job at a time.
 pub(crate) fn worker(farm: &Farm) -> Result<Node> {
-    let mut command = farm.command(program()?, "worker");
+    worker_of(&program()?, farm)
+}
+
+/// As [`worker`], of another program.
+pub(crate) fn worker_of(program: &Path, farm: &Farm) -> Result<Node> {
+    let mut command = farm.command(program, "worker");
     command.args(["--threads-per-job", "1", "--lease", "6", "--heartbeat", "2"]);
     Node::start(command)
 }
@@ -47,6 +57,19 @@ impl Node {
             node.url = lines.find_map(|line| line.strip_prefix("listening on ").map(str::to_owned));
         }
         Ok(node)
+    }
+}
+
+impl Node {
+    /// Tells it to stop (SIGTERM), and does not wait.
+    pub(crate) fn stop(&self) -> Result<()> {
+        let pid = rustix::process::Pid::from_child(&self.process);
+        Ok(rustix::process::kill_process(pid, rustix::process::Signal::TERM)?)
+    }
+
+    /// Whether it has ended.
+    pub(crate) fn has_ended(&mut self) -> Result<bool> {
+        Ok(self.process.try_wait()?.is_some())
     }
 }
 

@@ -30,6 +30,8 @@ pub struct Postgres {
     folder: TempDir,
     port: u16,
     durability: Durability,
+    /// Whether it takes connections by TLS.
+    encrypted: bool,
     server: Option<Child>,
     databases: AtomicU32,
 }
@@ -41,13 +43,26 @@ impl Postgres {
     /// If PostgreSQL is not installed (`scripts/install-prerequisites test` does
     /// it) or does not start.
     pub fn start(durability: Durability) -> Self {
+        Self::start_as(durability, false)
+    }
+
+    /// As [`Self::start`]; it also takes connections by TLS, as `localhost`.
+    ///
+    /// # Panics
+    /// As [`Self::start`], and if there is no `openssl`.
+    pub fn start_encrypted(durability: Durability) -> Self {
+        Self::start_as(durability, true)
+    }
+
+    fn start_as(durability: Durability, encrypted: bool) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").expect("a free port");
         let port = listener.local_addr().expect("its number").port();
         drop(listener);
         let folder = tempfile::tempdir().expect("a folder for PostgreSQL");
         let programs = programs();
         let databases = AtomicU32::new(0);
-        let mut postgres = Self { programs, folder, port, durability, server: None, databases };
+        let mut postgres =
+            Self { programs, folder, port, durability, encrypted, server: None, databases };
         postgres.initialise();
         postgres.resume();
         postgres
@@ -58,6 +73,11 @@ impl Postgres {
         let name = format!("test_{}", self.databases.fetch_add(1, Ordering::Relaxed));
         self.sql("postgres", &format!("CREATE DATABASE {name}"));
         format!("postgres://postgres@127.0.0.1:{}/{name}", self.port)
+    }
+
+    /// The certificate by which a server that takes TLS proves who it is.
+    pub fn certificate(&self) -> PathBuf {
+        self.data().join("server.crt")
     }
 
     /// Runs statements in a database and returns what they print.
@@ -100,7 +120,9 @@ impl Postgres {
             "unix_socket_directories=",
             "max_connections=200",
         ];
-        for setting in settings {
+        // The files' names are those of `certify`.
+        let tls = self.encrypted.then_some("ssl=on");
+        for setting in settings.into_iter().chain(tls) {
             command.args(["-c", setting]);
         }
         let log = fs::File::options().create(true).append(true).open(self.log()).expect("its log");
@@ -130,6 +152,24 @@ impl Postgres {
         let mut command = self.unprivileged(self.programs.join("initdb"));
         command.arg("-D").arg(self.data());
         command.args(["-U", "postgres", "-A", "trust", "-E", "UTF8", "--locale=C", "--no-sync"]);
+        succeed(command.output());
+        if self.encrypted {
+            self.certify();
+        }
+    }
+
+    /// Makes a certificate that signs itself.
+    fn certify(&self) {
+        let request = "[req]\ndistinguished_name=name\nx509_extensions=uses\nprompt=no\n\
+                       [name]\nCN=localhost\n\
+                       [uses]\nbasicConstraints=critical,CA:FALSE\nsubjectAltName=DNS:localhost\n";
+        let config = self.folder.path().join("request.cnf");
+        fs::write(&config, request).expect("a request for a certificate");
+        let mut command = self.unprivileged("openssl");
+        command.args(["req", "-x509", "-nodes", "-days", "2", "-newkey", "ec"]);
+        command.args(["-pkeyopt", "ec_paramgen_curve:prime256v1", "-config"]).arg(config);
+        command.arg("-keyout").arg(self.data().join("server.key"));
+        command.arg("-out").arg(self.certificate());
         succeed(command.output());
     }
 

@@ -6,6 +6,7 @@ mod outbox;
 mod postgres;
 mod storage;
 mod suite;
+mod upgrade;
 
 use std::path::Path;
 use std::sync::Arc;

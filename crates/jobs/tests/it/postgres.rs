@@ -198,3 +198,31 @@ async fn a_row_that_cannot_be_read_stands_in_nobody_s_way() {
     assert_eq!(store.counts().await.unwrap().failed, 1);
     store.delete(queued).await.unwrap();
 }
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn tls_is_used_and_the_server_s_name_is_checked() {
+    let server = Postgres::start_encrypted(Durability::None);
+    let plain = server.database();
+    let database = plain.rsplit('/').next().unwrap();
+    let url = |host: &str, root: &str| {
+        let url = plain.replace("127.0.0.1", host);
+        format!("{url}?sslmode=verify-full&sslrootcert={root}")
+    };
+    let own = server.certificate();
+    let own = own.to_str().unwrap();
+    let store = open(&url("localhost", own)).await;
+    store.enqueue(new_job()).await.unwrap();
+    let encrypted = "SELECT count(*) > 0 AND bool_and(ssl) FROM pg_stat_ssl
+                     JOIN pg_stat_activity USING (pid)
+                     WHERE datname = current_database() AND pid <> pg_backend_pid()";
+    assert_eq!(server.sql(database, encrypted), "t");
+
+    // Another name, and another authority.
+    let other = Postgres::start_encrypted(Durability::None);
+    let other = other.certificate();
+    for wrong in [url("127.0.0.1", own), url("localhost", other.to_str().unwrap())] {
+        let options = PostgresOptions::default();
+        let told = PostgresStore::open(&wrong, &options).await.map(drop).unwrap_err().to_string();
+        assert!(told.contains("certificate"), "{told}");
+    }
+}
