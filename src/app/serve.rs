@@ -18,7 +18,7 @@ use tokio_util::sync::CancellationToken;
 use super::config::{AccessConfig, Config, HttpConfig, Isolation, OutboundConfig};
 use super::failure::Failure;
 use super::stores::Stores;
-use super::{descriptors, memory};
+use super::{descriptors, memory, telemetry};
 use crate::draft::DraftLimits;
 use crate::http::{self, Access, ApiState, Guard, HttpLimits, KeyPolicy, LinkKey, ServerTimeouts};
 use crate::outbound::{Outbound, OutboundPolicy};
@@ -45,7 +45,9 @@ pub(super) fn worker(config: &Config) -> Result<(), Failure> {
 fn run<F: Future<Output = Result<()>>>(service: impl FnOnce(Handle) -> F) -> Result<(), Failure> {
     let runtime =
         Runtime::new().context("starting the async runtime").map_err(Failure::Internal)?;
-    runtime.block_on(service(runtime.handle().clone())).map_err(Failure::Internal)
+    let served = runtime.block_on(service(runtime.handle().clone())).map_err(Failure::Internal);
+    telemetry::flush();
+    served
 }
 
 async fn serve_until_signal(config: &Config, runtime: Handle) -> Result<()> {
@@ -93,6 +95,13 @@ async fn serve_until_signal(config: &Config, runtime: Handle) -> Result<()> {
 
 async fn work_until_signal(config: &Config, runtime: Handle) -> Result<()> {
     ensure!(config.workers.workers > 0, "workers is 0, so that there is nothing to do");
+    let metrics = http::prometheus().context("recording metrics")?;
+    if let Some(listen) = config.workers.metrics_listen {
+        let listener =
+            TcpListener::bind(listen).await.with_context(|| format!("listening on {listen}"))?;
+        println!("metrics on http://{}", listener.local_addr()?);
+        tokio::spawn(async move { axum::serve(listener, http::of_worker(metrics)).await });
+    }
     let stores = Stores::open(&config.stores, config.storage.adopt_bytes).await?;
     let pool = stores.start_workers(config, &runtime)?;
     let sender = tokio::spawn(stores.sender(outbound(config)?).run());

@@ -1,6 +1,7 @@
 //! Whether the service lives and can take work.
 
-use std::sync::Arc;
+use std::collections::BTreeSet;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use axum::Json;
@@ -8,6 +9,7 @@ use axum::extract::State;
 use axum::http::header;
 use axum::response::IntoResponse;
 use bytes::Bytes;
+use jiff::Timestamp;
 use serde::Serialize;
 use utoipa::ToSchema;
 use uuid::Uuid;
@@ -15,8 +17,9 @@ use uuid::Uuid;
 use super::Api;
 use super::openapi::problem_responses;
 use super::problem::{Problem, UNAVAILABLE};
-use jobs::JobId;
+use super::telemetry::TEXT_FORMAT;
 use jobs::bytes::Key;
+use jobs::{JobId, Queue};
 
 const PROBE_TIMEOUT: Duration = Duration::from_secs(5);
 
@@ -92,6 +95,7 @@ pub(super) async fn metrics(State(api): State<Arc<Api>>) -> Result<impl IntoResp
     ] {
         metrics::gauge!("turnaround_jobs", "state" => state).set(count as f64);
     }
+    queues(&api.state.store.queues().await?);
     metrics::gauge!("turnaround_stored_bytes")
         .set(api.state.store.stored_bytes(None).await? as f64);
     if let Some(free) = api.state.bytes.free_bytes()? {
@@ -101,6 +105,23 @@ pub(super) async fn metrics(State(api): State<Arc<Api>>) -> Result<impl IntoResp
         metrics::gauge!("turnaround_disk_budget_bytes").set(budget as f64);
     }
     api.state.metrics.run_upkeep();
-    let content_type = [(header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")];
+    let content_type = [(header::CONTENT_TYPE, TEXT_FORMAT)];
     Ok((content_type, api.state.metrics.render()))
+}
+
+/// Tenants whose queue has become empty are told as such once they were not.
+fn queues(queues: &[Queue]) {
+    static SEEN: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
+    let mut seen = SEEN.lock().unwrap_or_else(PoisonError::into_inner);
+    seen.extend(queues.iter().map(|queue| queue.tenant.as_str().to_owned()));
+    for tenant in &*seen {
+        let queue = queues.iter().find(|queue| queue.tenant.as_str() == tenant);
+        let (jobs, age) = queue.map_or((0, Duration::ZERO), |queue| {
+            let age = Timestamp::now().duration_since(queue.oldest);
+            (queue.jobs, age.try_into().unwrap_or_default())
+        });
+        let tenant = tenant.clone();
+        metrics::gauge!("turnaround_queued_jobs", "tenant" => tenant.clone()).set(jobs as f64);
+        metrics::gauge!("turnaround_queue_age_seconds", "tenant" => tenant).set(age.as_secs_f64());
+    }
 }

@@ -47,6 +47,6 @@ pub(crate) use resource::{noun_of, path_of};
 pub use router::router;
 pub use server::serve;
 pub use state::ApiState;
-pub use telemetry::prometheus;
+pub use telemetry::{of_worker, prometheus};
 
 use state::Api;

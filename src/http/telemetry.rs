@@ -3,11 +3,16 @@
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
+use axum::Router;
 use axum::extract::{MatchedPath, Request};
-use axum::http::Method;
+use axum::http::{Method, header};
 use axum::middleware::Next;
 use axum::response::Response;
+use axum::routing::get;
 use metrics_exporter_prometheus::{BuildError, PrometheusBuilder, PrometheusHandle};
+
+/// The media type of Prometheus' text format.
+pub(super) const TEXT_FORMAT: &str = "text/plain; version=0.0.4; charset=utf-8";
 
 const BUCKETS_S: [f64; 12] =
     [0.001, 0.0025, 0.005, 0.01, 0.02, 0.05, 0.1, 0.25, 1.0, 5.0, 30.0, 120.0];
@@ -30,6 +35,7 @@ pub fn prometheus() -> Result<PrometheusHandle, BuildError> {
 }
 
 fn describe() {
+    crate::worker::metrics::describe();
     use metrics::{Unit, describe_counter, describe_gauge, describe_histogram};
     describe_counter!("turnaround_http_requests_total", "Requests answered");
     describe_histogram!(
@@ -38,9 +44,24 @@ fn describe() {
         "From a request's header to its answer's header"
     );
     describe_gauge!("turnaround_jobs", "Stored jobs by state");
+    describe_gauge!("turnaround_queued_jobs", "Jobs that wait for a worker, by tenant");
+    describe_gauge!(
+        "turnaround_queue_age_seconds",
+        Unit::Seconds,
+        "How long the oldest of them has waited, by tenant"
+    );
     describe_gauge!("turnaround_stored_bytes", Unit::Bytes, "Of all jobs and pages");
     describe_gauge!("turnaround_disk_free_bytes", Unit::Bytes, "Left on the data folder's disk");
     describe_gauge!("turnaround_disk_budget_bytes", Unit::Bytes, "What may be stored");
+}
+
+/// What a node of workers alone answers: `/metrics` and `/health/live`.
+pub fn of_worker(metrics: PrometheusHandle) -> Router {
+    let told = async move || {
+        metrics.run_upkeep();
+        ([(header::CONTENT_TYPE, TEXT_FORMAT)], metrics.render())
+    };
+    Router::new().route("/metrics", get(told)).route("/health/live", get(super::health::live))
 }
 
 /// Counts and times a request. Routes are labels, not paths: ids would make a

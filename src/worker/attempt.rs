@@ -2,12 +2,14 @@
 
 use std::io;
 use std::sync::{Mutex, OnceLock};
+use std::time::Instant;
 
 use bytes::Bytes;
 use serde_json::Value;
 use tokio::runtime::Handle;
 use tokio::sync::watch;
 
+use super::metrics::{self, Stages};
 use super::signal::Signal;
 use super::uploads::Uploads;
 use super::{Attempt, Task};
@@ -23,6 +25,7 @@ pub(super) struct PoolAttempt<'a> {
     pub uploads: &'a Uploads,
     pub progress: ProgressSender,
     pub summary: OnceLock<Value>,
+    pub stages: Stages,
 }
 
 impl Attempt for PoolAttempt<'_> {
@@ -40,7 +43,9 @@ impl Attempt for PoolAttempt<'_> {
 
     fn read(&self, name: &str) -> io::Result<Vec<u8>> {
         let key = Key::Input { job: self.task.job, name };
+        let begun = Instant::now();
         let bytes = self.runtime.block_on(self.bytes.get(&key)).map_err(io::Error::from)?;
+        metrics::store("get", begun, bytes.len() as u64);
         Ok(bytes.into())
     }
 
@@ -53,6 +58,7 @@ impl Attempt for PoolAttempt<'_> {
     }
 
     fn report(&self, fraction: f64, progress: Value) {
+        self.stages.see(&progress);
         self.progress.report(fraction, progress);
     }
 }

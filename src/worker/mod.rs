@@ -11,6 +11,7 @@ mod config;
 pub mod isolation;
 pub mod jobs;
 mod lease;
+pub(crate) mod metrics;
 mod pool;
 mod run;
 mod signal;

@@ -14,7 +14,7 @@ use tokio::task::AbortHandle;
 
 use super::lease::Heart;
 use super::run::Outcome;
-use super::{Work, WorkerConfig, collector, run};
+use super::{Work, WorkerConfig, collector, metrics, run};
 use jobs::bytes::ByteStore;
 use jobs::{EventKind, JobChange, JobStore};
 
@@ -215,7 +215,9 @@ fn serve(shared: &Arc<Shared>, name: &str) {
         }
         let asked = Instant::now();
         let claim = shared.store.claim(name, shared.config.lease);
-        match shared.runtime.block_on(claim) {
+        let claimed = shared.runtime.block_on(claim);
+        metrics::database("claim", asked);
+        match claimed {
             Ok(Some(claim)) => run::run(shared, claim, asked),
             Ok(None) => shared.wait(seen),
             Err(error) => {

@@ -12,6 +12,7 @@ use tokio::sync::watch;
 use tokio_util::sync::CancellationToken;
 
 use super::attempt::{PoolAttempt, ProgressSender};
+use super::metrics::Stages;
 use super::signal::{Signal, StopReason};
 use super::uploads::Uploads;
 use super::{Shared, Task, WorkError};
@@ -43,7 +44,20 @@ pub(super) fn run(shared: &Arc<Shared>, claim: Claim, claimed: Instant) {
     if claim.job.cancel_requested {
         signal.stop(StopReason::Cancel);
     }
-    tracing::info!(job = %id, attempt, kind = claim.job.kind, "started");
+    let kind = claim.job.kind.clone();
+    let request_id = claim.job.request_id.as_deref().unwrap_or_default();
+    let span = tracing::info_span!("job", job = %id, attempt, kind, request_id);
+    let _entered = span.enter();
+    tracing::info!(job = %id, attempt, kind, request_id, "started");
+    if attempt == 1 {
+        let waited_ms = claim
+            .job
+            .started_at
+            .map(|start| start.as_millisecond())
+            .map(|start_ms| start_ms - claim.job.created_at.as_millisecond());
+        metrics::histogram!("turnaround_queue_wait_seconds", "kind" => kind.clone())
+            .record(waited_ms.unwrap_or(0).max(0) as f64 / 1000.0);
+    }
     let uploads = Arc::new(Uploads::new(id, attempt, shared.bytes.clone(), shared.runtime.clone()));
     let started = start(shared, claim, &signal, &uploads);
     let (result, left_behind) = match started {
@@ -68,6 +82,10 @@ pub(super) fn run(shared: &Arc<Shared>, claim: Claim, claimed: Instant) {
         (Err(WorkError::Troubled(cause)), _) => Ending::Troubled(cause),
         (Err(WorkError::Cancelled), _) => Ending::Stopped(signal.reason()),
     };
+    let labels = [("kind", kind.clone()), ("outcome", ending.name().to_owned())];
+    metrics::counter!("turnaround_attempts_total", &labels).increment(1);
+    metrics::histogram!("turnaround_attempt_duration_seconds", "kind" => kind)
+        .record(claimed.elapsed().as_secs_f64());
     end(shared, id, attempt, ending);
     shared.heart.forget(id, attempt);
     if let Some(outcome) = left_behind {
@@ -84,8 +102,9 @@ fn start(
 ) -> io::Result<Receiver<Outcome>> {
     let (sender, outcome) = sync_channel(1);
     let (shared, signal) = (Arc::clone(shared), Arc::clone(signal));
-    let uploads = Arc::clone(uploads);
+    let (uploads, span) = (Arc::clone(uploads), tracing::Span::current());
     thread::Builder::new().name(format!("job-{}", claim.job.id)).spawn(move || {
+        let _entered = span.enter();
         // Nobody listens any more if the work was left behind.
         let _ = sender.send(work(&shared, claim, &signal, &uploads));
     })?;
@@ -123,6 +142,23 @@ enum Ending {
     Stopped(Option<StopReason>),
 }
 
+impl Ending {
+    /// As a label.
+    fn name(&self) -> &'static str {
+        match self {
+            Self::Succeeded(..) => "succeeded",
+            Self::Failed(_) => "failed",
+            Self::Broken(_) => "broken",
+            Self::Crashed(_) => "crashed",
+            Self::Troubled(_) => "troubled",
+            Self::Stopped(Some(StopReason::TimeLimit)) => "too_long",
+            Self::Stopped(Some(StopReason::Cancel)) => "cancelled",
+            Self::Stopped(Some(StopReason::LeaseLost)) => "lease_lost",
+            Self::Stopped(Some(StopReason::Shutdown) | None) => "stopped",
+        }
+    }
+}
+
 /// Runs the work itself, with panics caught and progress written beside it.
 fn work(shared: &Shared, claim: Claim, signal: &Arc<Signal>, uploads: &Uploads) -> Outcome {
     let Some(work) = shared.works.iter().find(|work| work.kind() == claim.job.kind) else {
@@ -139,6 +175,7 @@ fn work(shared: &Shared, claim: Claim, signal: &Arc<Signal>, uploads: &Uploads) 
         done.clone(),
     ));
     let attempt = PoolAttempt {
+        stages: Stages::of(&claim.job.kind),
         task: Task::new(claim, shared.config.threads_per_job),
         bytes: &shared.bytes,
         runtime: &shared.runtime,
@@ -150,8 +187,8 @@ fn work(shared: &Shared, claim: Claim, signal: &Arc<Signal>, uploads: &Uploads) 
     // What the work shares with the pool is behind locks that heal.
     let result = catch_unwind(AssertUnwindSafe(|| work.run(&attempt)));
     // The writer ends with it.
-    let PoolAttempt { task, summary, progress, .. } = attempt;
-    drop(progress);
+    let PoolAttempt { task, summary, progress, stages, .. } = attempt;
+    drop((progress, stages));
     done.cancel();
     if let Err(error) = shared.runtime.block_on(writer) {
         tracing::error!(job = %task.job, %error, "progress writer broke");
@@ -199,7 +236,9 @@ fn end(shared: &Shared, id: JobId, attempt: u32, ending: Ending) {
         // First, for on a full disk it makes room for the ending itself.
         delete_bytes(shared, id, attempt);
     }
+    let begun = Instant::now();
     let mut written = shared.runtime.block_on(write_ending(shared, id, attempt, ending));
+    super::metrics::database("end", begun);
     if publishes && let Err(StoreError::Full) = written {
         delete_bytes(shared, id, attempt);
         let ending = Ending::Troubled(StoreError::Full.to_string());
@@ -218,6 +257,7 @@ fn end(shared: &Shared, id: JobId, attempt: u32, ending: Ending) {
             if publishes && !shared.runtime.block_on(is_surely_unpublished(shared, id, attempt)) {
                 return;
             }
+            metrics::counter!("turnaround_leases_lost_total").increment(1);
             tracing::warn!(job = %id, attempt, "lost its lease, result thrown away");
         }
         // It may have been written all the same: the bytes stay until the

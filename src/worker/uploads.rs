@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 use std::io::{self, Write};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 use sha2::{Digest, Sha256};
@@ -11,6 +11,7 @@ use tokio::runtime::Handle;
 use tokio::sync::{Semaphore, mpsc};
 use tokio::task::{AbortHandle, JoinHandle};
 
+use super::metrics;
 use artifacts::ArtifactWriter;
 use jobs::bytes::{ByteError, ByteStore, ByteWriter, Key};
 use jobs::{ArtifactEntry, JobId};
@@ -74,9 +75,10 @@ impl Uploads {
             let _room = room;
             let _file = files.acquire_owned().await.map_err(ByteError::other)?;
             let key = Key::Artifact { job, attempt, name: &name };
-            let size = bytes.len() as u64;
+            let (size, begun) = (bytes.len() as u64, Instant::now());
             let hashed = hash(Sha256::new(), bytes.clone());
             let (hasher, ()) = tokio::try_join!(hashed, store.put(&key, bytes))?;
+            metrics::store("put", begun, size);
             Ok(ArtifactEntry { media_type, bytes: size, sha256: hex(hasher), name })
         });
         lock(&self.started).tasks.push(task);
@@ -90,8 +92,11 @@ impl Uploads {
         let (job, attempt, store) = (self.job, self.attempt, self.store.clone());
         let (name, media_type) = (name.to_owned(), media_type.to_owned());
         let task = self.runtime.spawn(async move {
+            let begun = Instant::now();
             let writer = store.writer(&Key::Artifact { job, attempt, name: &name }).await?;
             let (bytes, sha256) = receive(writer, received).await?;
+            // With what the work takes to write it.
+            metrics::store("put_in_pieces", begun, bytes);
             Ok(ArtifactEntry { media_type, bytes, sha256, name })
         });
         let started = Arc::clone(&self.started);

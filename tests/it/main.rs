@@ -7,6 +7,7 @@ mod faults;
 mod layers;
 mod model_regressions;
 mod service_crash;
+mod traces;
 mod worker;
 
 /// A client of services on the loopback.

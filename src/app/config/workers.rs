@@ -1,5 +1,7 @@
 //! Settings of the worker pool.
 
+use std::net::SocketAddr;
+
 use clap::{Args, ValueEnum};
 use serde::{Deserialize, Serialize};
 
@@ -32,6 +34,9 @@ pub(crate) struct WorkersConfig {
         default_value = "process"
     )]
     pub isolation: Isolation,
+    /// Where a node of workers alone answers /metrics and /health/live; nowhere if not given
+    #[arg(long, env = "TURNAROUND_METRICS_LISTEN", value_name = "ADDR:PORT")]
+    pub metrics_listen: Option<SocketAddr>,
     /// Times a job is begun at most before it counts as failed
     #[arg(long, env = "TURNAROUND_MAX_ATTEMPTS", value_name = "N", default_value_t = 3)]
     pub max_attempts: u32,
