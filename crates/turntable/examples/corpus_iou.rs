@@ -2,7 +2,7 @@
 //!
 //!     corpus_iou INDEX FOLDER [--sets T5,FQS] [--prior off,on,auto] [--size 480x270]
 //!                [--every N] [--limit N] [--names a,b] [--hull] [--cells 128] [--holes auto] [--boxy auto]
-//!                [--pictures FOLDER]
+//!                [--pictures FOLDER] [--meshes FOLDER] [--degrade light|middle|heavy] [--seed N]
 //!
 //! INDEX is a Markdown table whose first two columns are name and kind; FOLDER
 //! holds NAME.glb. Outlines are closed: each view comes with its true mask.
@@ -12,9 +12,10 @@ use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use drawing::{DrawOptions, Drawer, PreparedModel};
+use drawing::{DegradeOptions, DegradePreset, DrawOptions, Drawer, PreparedModel};
 use evaluation::{ComparisonOptions, SolidTruth};
 use frames::Azimuth;
+use mesh::Mesh;
 use mesh::read::{Limits, ModelFormat, load};
 use progress::Silent;
 use sheet::{Sheet, View};
@@ -89,12 +90,13 @@ fn azimuths(set: &str) -> Vec<f64> {
     }
 }
 
-fn sheet_of(drawer: &Drawer<'_>, degrees: &[f64]) -> Fallible<Sheet> {
+fn sheet_of(drawer: &Drawer<'_>, degrees: &[f64], degraded: bool) -> Fallible<Sheet> {
     use rayon::prelude::*;
     let view = |&degrees: &f64| -> Result<View, String> {
         let azimuth = Azimuth::from_degrees(degrees).map_err(|e| e.to_string())?;
         let drawn = drawer.draw_view(azimuth.into()).map_err(|e| e.to_string())?;
-        Ok(View::level(azimuth, drawn.image.to_luma8(), Some(drawn.truth.mask)))
+        let mask = (!degraded).then_some(drawn.truth.mask);
+        Ok(View::level(azimuth, drawn.image.to_luma8(), mask))
     };
     let views: Vec<View> = degrees.par_iter().map(view).collect::<Result<_, _>>()?;
     Ok(Sheet::new(views)?)
@@ -133,13 +135,28 @@ fn variants(arguments: &Arguments) -> Vec<(String, TurntableOptions)> {
     variants
 }
 
+/// As Wavefront OBJ, turntable frame.
+fn obj(mesh: &Mesh) -> String {
+    let vertices = mesh.positions.iter().map(|p| format!("v {} {} {}\n", p.x, p.y, p.z));
+    let faces = mesh.triangles.iter().map(|[a, b, c]| format!("f {} {} {}\n", a + 1, b + 1, c + 1));
+    vertices.chain(faces).collect()
+}
+
 type Sums = BTreeMap<(String, &'static str), Vec<(String, f64)>>;
 
 fn measure(entry: &Entry, folder: &Path, arguments: &Arguments, sums: &mut Sums) -> Fallible<()> {
     let size: Vec<u32> =
         arguments.get("size", "480x270").split('x').filter_map(|side| side.parse().ok()).collect();
-    let draw =
+    let mut draw =
         DrawOptions { width_px: size[0], height_px: size[1], fit: true, ..DrawOptions::default() };
+    if let Some(preset) = arguments.named.get("degrade") {
+        let preset = match preset.as_str() {
+            "light" => DegradePreset::Light,
+            "heavy" => DegradePreset::Heavy,
+            _ => DegradePreset::Middle,
+        };
+        draw.degrade = DegradeOptions::preset(preset, arguments.get("seed", "1").parse()?);
+    }
     let bytes = std::fs::read(folder.join(format!("{}.glb", entry.name)))?;
     let model = load(&bytes, ModelFormat::Glb, None, &Limits::default())?;
     let model = PreparedModel::new(&model)?;
@@ -151,18 +168,22 @@ fn measure(entry: &Entry, folder: &Path, arguments: &Arguments, sums: &mut Sums)
     let comparison = ComparisonOptions { grid_cells: cells, samples: 2000, ..Default::default() };
     let truth = SolidTruth::new(&truth, comparison)?;
     for set in arguments.get("sets", "T5").split(',') {
-        let sheet = sheet_of(&drawer, &azimuths(set))?;
+        let sheet = sheet_of(&drawer, &azimuths(set), arguments.named.contains_key("degrade"))?;
         let mut line =
             format!("{:28} {} {set:7}", entry.name, if entry.figure { 'f' } else { 'o' });
         for (name, options) in variants(arguments) {
             let start = Instant::now();
             let draft = turntable::reconstruct(&sheet, &[], &options, &Silent)?;
             let seconds = start.elapsed().as_secs_f64();
-            let iou = truth.evaluate(&draft.solid.mesh)?.iou;
-            line += &format!("  {name} {iou:.3} ({seconds:.1} s)");
-            line += &format!(" straight {:.3}", draft.solid.report.straight_share);
+            let found = truth.evaluate(&draft.solid.mesh)?;
+            let (iou, normals) = (found.iou, found.surface.normal_consistency);
+            line += &format!("  {name} {iou:.3} ({seconds:.1} s) nc {normals:.3}");
             if let Some(report) = &draft.solid.report.prior {
-                line += &format!(" {report:?}");
+                line += &format!(" prior {}", report.used);
+            }
+            if let Some(folder) = arguments.named.get("meshes") {
+                let path = PathBuf::from(folder).join(format!("{}_{set}_{name}.obj", entry.name));
+                std::fs::write(path, obj(&draft.solid.mesh))?;
             }
             if let Some(folder) = arguments.named.get("pictures") {
                 let path = PathBuf::from(folder).join(format!("{}_{set}_{name}.png", entry.name));

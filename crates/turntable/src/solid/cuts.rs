@@ -9,7 +9,7 @@ use imageproc::distance_transform::euclidean_squared_distance_transform;
 use nalgebra::{Point2, Point3};
 use rayon::prelude::*;
 
-use super::fusion;
+use super::coverage;
 use super::holes::HoleHint;
 use super::outline::Outline;
 use crate::ink::inked;
@@ -185,7 +185,7 @@ impl<'a> Bounds<'a> {
         }
         for bound in [&hulls, self.hulls] {
             planes.par_iter_mut().zip(bound).for_each(|(plane, hull)| {
-                fusion::restore_silhouettes(plane, hull, &lattice, self.directions);
+                coverage::restore(plane, hull, &lattice, self.directions);
             });
         }
         Field { lattice, planes }

@@ -3,7 +3,7 @@
 use nalgebra::Point2;
 
 use super::carving::CarvingView;
-use super::outline::Outline;
+use super::smoothing::{binomial, within_slice};
 use crate::surface::field::{Lattice, Plane};
 
 /// How far from a depth map's surface it has a say, as a share of the solid's
@@ -52,28 +52,7 @@ pub(super) fn corrections(
         }
         *value = ((sum / weights).min(bound).clamp(-limit, limit) - prior) as f32;
     }
-    smoothed(&found)
-}
-
-/// Averages over neighbours along X and Y with binomial weights.
-pub(super) fn smoothed(plane: &Plane) -> Plane {
-    let along = |plane: &Plane, step: [usize; 2]| {
-        let mut out = plane.clone();
-        for (index, value) in out.values.iter_mut().enumerate() {
-            let (i, j) = plane.node(index);
-            let before = match (i.checked_sub(step[0]), j.checked_sub(step[1])) {
-                (Some(i), Some(j)) => plane.at(i, j, *value),
-                _ => *value,
-            };
-            *value = binomial(before, *value, plane.at(i + step[0], j + step[1], *value));
-        }
-        out
-    };
-    along(&along(plane, [1, 0]), [0, 1])
-}
-
-fn binomial(before: f32, here: f32, after: f32) -> f32 {
-    0.25 * before + 0.5 * here + 0.25 * after
+    within_slice(&found)
 }
 
 /// Adds the corrections of a slice, averaged with those below and above, to
@@ -97,45 +76,4 @@ pub(super) fn correct(
         *value = (prior + change).min(*value).clamp(-limit, limit);
     }
     *plane = corrected;
-}
-
-/// Lines of sight that meet the hull but no longer the solid get back what is
-/// most likely there: every silhouette has something behind it.
-///
-/// `plane` is what [`correct`] made of `hull`: their windows are one.
-pub(super) fn restore_silhouettes(
-    plane: &mut Plane,
-    hull: &Plane,
-    lattice: &Lattice,
-    directions: &[Outline],
-) {
-    /// How far inside a restored ray's best node is, share of the pitch.
-    const DEPTH: f32 = 0.3;
-    let half = lattice.origin.x.abs() + lattice.origin.y.abs() + lattice.pitch_px;
-    let bins = (2.0 * half / lattice.pitch_px).ceil() as usize + 1;
-    let depth = DEPTH * lattice.pitch_px as f32;
-    let inside: Vec<(usize, Point2<f64>)> = (0..hull.values.len())
-        .filter(|&index| hull.values[index] > 0.0)
-        .map(|index| {
-            let (i, j) = (index % hull.size[0], index / hull.size[0]);
-            (index, Point2::new(lattice.x(hull.first[0] + i), lattice.y(hull.first[1] + j)))
-        })
-        .collect();
-    for direction in directions {
-        let bin = |point: &Point2<f64>| {
-            (((direction.column(point) + half) / lattice.pitch_px) as usize).min(bins - 1)
-        };
-        let mut best = vec![f32::NEG_INFINITY; bins];
-        for (index, point) in &inside {
-            let best = &mut best[bin(point)];
-            *best = best.max(plane.values[*index]);
-        }
-        for (index, point) in &inside {
-            let best = best[bin(point)];
-            if best < depth {
-                let lifted = plane.values[*index] + depth - best;
-                plane.values[*index] = lifted.min(hull.values[*index]);
-            }
-        }
-    }
 }

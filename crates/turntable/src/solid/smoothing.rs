@@ -1,6 +1,6 @@
 //! Slices made one: what is decided row by row leaves steps.
 
-use super::fusion;
+use super::coverage;
 use super::outline::Outline;
 use crate::surface::field::{Field, Lattice, Plane};
 
@@ -23,9 +23,9 @@ pub(super) fn smoothed(field: &Field, hulls: &[Plane], directions: &[Outline]) -
     field
 }
 
-/// How often the field is averaged: what the outlines bring back makes steps
-/// from slice to slice.
+/// How often the field is averaged, and what silhouettes need is then lifted.
 const ROUNDS: usize = 2;
+const LIFTS: usize = 3;
 
 /// Averages the field over neighbours within and across slices, but beside
 /// creases; silhouettes keep something behind them.
@@ -34,37 +34,81 @@ const ROUNDS: usize = 2;
 pub(super) fn smooth(field: &mut Field, hulls: &[Plane], directions: &[Outline]) {
     use rayon::prelude::*;
     let lattice = field.lattice;
-    let restore = |planes: &mut [Plane]| {
-        planes.par_iter_mut().zip(hulls).for_each(|(plane, hull)| {
-            fusion::restore_silhouettes(plane, hull, &lattice, directions);
-        });
-    };
     for _ in 0..ROUNDS {
-        restore(&mut field.planes);
+        coverage::lift(&mut field.planes, hulls, &lattice, directions);
         field.planes = averaged(&field.planes, &lattice);
     }
-    restore(&mut field.planes);
+    for _ in 0..LIFTS {
+        coverage::lift(&mut field.planes, hulls, &lattice, directions);
+    }
+    field.planes.par_iter_mut().zip(hulls).for_each(|(plane, hull)| {
+        coverage::restore(plane, hull, &lattice, directions);
+    });
 }
 
 fn averaged(planes: &[Plane], lattice: &Lattice) -> Vec<Plane> {
     use rayon::prelude::*;
-    let limit = lattice.truncation_px() as f32;
-    let within: Vec<Plane> = planes.par_iter().map(fusion::smoothed).collect();
+    let mut averaged = blurred(planes, -lattice.truncation_px() as f32);
+    averaged.par_iter_mut().zip(planes).for_each(|(out, own)| {
+        for crease in &own.creases {
+            keep_near(out, own, lattice, crease);
+        }
+    });
+    averaged
+}
+
+/// Averages over neighbours along all axes with binomial weights; `outside` beyond the windows of
+/// slices below and above.
+pub(super) fn blurred(planes: &[Plane], outside: f32) -> Vec<Plane> {
+    use rayon::prelude::*;
+    let within: Vec<Plane> = planes.par_iter().map(within_slice).collect();
     let last = planes.len().saturating_sub(1);
-    let of_slice = |(k, own): (usize, &Plane)| {
+    let of_slice = |k: usize| {
         let (below, above) = (&within[k.saturating_sub(1)], &within[(k + 1).min(last)]);
         let mut out = within[k].clone();
-        for (index, value) in out.values.iter_mut().enumerate() {
-            let (i, j) = own.node(index);
-            let (low, high) = (below.at(i, j, -limit), above.at(i, j, -limit));
-            *value = 0.25 * low + 0.5 * *value + 0.25 * high;
-        }
-        for crease in &own.creases {
-            keep_near(&mut out, own, lattice, crease);
+        let (columns, [first, first_row]) = (out.size[0], out.first);
+        let (mut low, mut high) = (vec![0.0; columns], vec![0.0; columns]);
+        for (j, row) in out.values.chunks_exact_mut(columns.max(1)).enumerate() {
+            below.copy_row(first, first_row + j, outside, &mut low);
+            above.copy_row(first, first_row + j, outside, &mut high);
+            for ((value, low), high) in row.iter_mut().zip(&low).zip(&high) {
+                *value = binomial(*low, *value, *high);
+            }
         }
         out
     };
-    planes.par_iter().enumerate().map(of_slice).collect()
+    (0..planes.len()).into_par_iter().map(of_slice).collect()
+}
+
+/// Averages over neighbours along X and Y with binomial weights.
+pub(super) fn within_slice(plane: &Plane) -> Plane {
+    let columns = plane.size[0].max(1);
+    let mut along = plane.clone();
+    for (out, row) in along.values.chunks_exact_mut(columns).zip(plane.values.chunks_exact(columns))
+    {
+        for (value, near) in out.iter_mut().skip(1).zip(row.windows(3)) {
+            *value = binomial(near[0], near[1], near[2]);
+        }
+        if let [first, second, ..] = row {
+            let [.., before, last] = row else { continue };
+            out[0] = binomial(*first, *first, *second);
+            out[columns - 1] = binomial(*before, *last, *last);
+        }
+    }
+    let mut across = along.clone();
+    let rows = along.values.len() / columns;
+    for (j, out) in across.values.chunks_exact_mut(columns).enumerate() {
+        let row = |j: usize| &along.values[j * columns..(j + 1) * columns];
+        let (before, own, after) = (row(j.saturating_sub(1)), row(j), row((j + 1).min(rows - 1)));
+        for (((out, before), own), after) in out.iter_mut().zip(before).zip(own).zip(after) {
+            *out = binomial(*before, *own, *after);
+        }
+    }
+    across
+}
+
+pub(super) fn binomial(before: f32, here: f32, after: f32) -> f32 {
+    0.25 * before + 0.5 * here + 0.25 * after
 }
 
 /// Gives nodes around a crease their value before smoothing.

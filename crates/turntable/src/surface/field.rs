@@ -185,6 +185,20 @@ impl Plane {
             _ => outside,
         }
     }
+
+    /// The values at the nodes from `first` on in row `j` of the lattice; `outside` beyond the
+    /// window.
+    pub fn copy_row(&self, first: usize, j: usize, outside: f32, out: &mut [f32]) {
+        out.fill(outside);
+        let row = j.checked_sub(self.first[1]).filter(|row| *row < self.size[1]);
+        let (start, end) = (first.max(self.first[0]), first + out.len());
+        let end = end.min(self.first[0] + self.size[0]);
+        if let Some(row) = row.filter(|_| start < end) {
+            let from = row * self.size[0] + start - self.first[0];
+            let values = &self.values[from..from + end - start];
+            out[start - first..end - first].copy_from_slice(values);
+        }
+    }
 }
 
 /// Lowers squared distances to those of the segment `along` from the origin, in
