@@ -172,6 +172,13 @@ impl Shared {
         self.woken.notify_all();
     }
 
+    /// Wakes an idle worker for one more job: all of them would ask the database
+    /// for it, those of every node. Who is busy looks again when it has done.
+    fn wake_one(&self) {
+        *self.wakes() += 1;
+        self.woken.notify_one();
+    }
+
     fn wakes(&self) -> MutexGuard<'_, u64> {
         self.wakes.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
     }
@@ -232,7 +239,9 @@ fn serve(shared: &Arc<Shared>, name: &str) {
 async fn listen(shared: Arc<Shared>, mut changes: broadcast::Receiver<JobChange>) {
     loop {
         match changes.recv().await {
-            Ok(JobChange { kind: EventKind::Queued | EventKind::Requeued, .. }) => shared.wake(),
+            Ok(JobChange { kind: EventKind::Queued | EventKind::Requeued, .. }) => {
+                shared.wake_one();
+            }
             Ok(JobChange { kind: EventKind::CancelRequested, id, .. }) => shared.heart.cancel(id),
             Ok(_) => {}
             // What was missed is found by polling; a job may be waiting now.

@@ -18,11 +18,14 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use jobs::{
-    AccessStore, JobId, JobStore, NewJob, PostgresOptions, PostgresStore, StoreError, TenantName,
+    AccessStore, EventKind, JobId, JobStore, NewJob, PostgresOptions, PostgresStore, StoreError,
+    TenantName,
 };
 use rand::Rng;
 use serde_json::json;
 use testbed::{Durability, Postgres};
+use tokio::sync::Notify;
+use tokio::sync::broadcast::error::RecvError;
 
 const LEASE: Duration = Duration::from_secs(60);
 const SPAN: Duration = Duration::from_secs(30);
@@ -36,6 +39,11 @@ struct Swarm {
     worked_ms: AtomicU64,
     empty: AtomicU64,
     failed: AtomicU64,
+}
+
+struct Node {
+    store: Arc<PostgresStore>,
+    woken: Notify,
 }
 
 #[tokio::main]
@@ -62,12 +70,15 @@ async fn run(url: &str, workers: usize, tenants: usize) -> Result<(), StoreError
     let options = PostgresOptions { max_connections: 4, ..PostgresOptions::default() };
     let mut nodes = Vec::new();
     for _ in 0..workers.min(MOST_NODES) {
-        nodes.push(Arc::new(PostgresStore::open(url, &options).await?));
+        let store = Arc::new(PostgresStore::open(url, &options).await?);
+        let node = Arc::new(Node { store, woken: Notify::new() });
+        tokio::spawn(listen(Arc::clone(&node)));
+        nodes.push(node);
     }
     let mut names = Vec::new();
     for number in 0..tenants {
         let name = TenantName::try_from(format!("tenant-{number}")).expect("a name");
-        nodes[0].create_tenant(&name).await?;
+        nodes[0].store.create_tenant(&name).await?;
         names.push(name);
     }
     let swarm = Arc::new(Swarm {
@@ -79,7 +90,7 @@ async fn run(url: &str, workers: usize, tenants: usize) -> Result<(), StoreError
     });
     let upload = |client: usize| {
         let (store, swarm, names) =
-            (Arc::clone(&nodes[client % nodes.len()]), Arc::clone(&swarm), names.clone());
+            (Arc::clone(&nodes[client % nodes.len()].store), Arc::clone(&swarm), names.clone());
         tokio::spawn(upload(store, swarm, names, 2 * workers as u64))
     };
     let uploads: Vec<_> = (0..CLIENTS).map(upload).collect();
@@ -88,8 +99,8 @@ async fn run(url: &str, workers: usize, tenants: usize) -> Result<(), StoreError
     }
     let begun = Instant::now();
     let work = |number: usize| {
-        let (store, swarm) = (Arc::clone(&nodes[number % nodes.len()]), Arc::clone(&swarm));
-        tokio::spawn(async move { work(store, &swarm, begun + SPAN).await })
+        let (node, swarm) = (Arc::clone(&nodes[number % nodes.len()]), Arc::clone(&swarm));
+        tokio::spawn(async move { work(&node, &swarm, begun + SPAN).await })
     };
     let working: Vec<_> = (0..workers).map(work).collect();
     let mut times_ms = Vec::new();
@@ -115,9 +126,24 @@ async fn run(url: &str, workers: usize, tenants: usize) -> Result<(), StoreError
         swarm.failed.load(Ordering::SeqCst),
     );
     for node in nodes {
-        node.close().await;
+        node.store.close().await;
     }
     Ok(())
+}
+
+/// Wakes an idle worker of the node for each job that comes.
+async fn listen(node: Arc<Node>) {
+    let mut changes = node.store.changes();
+    loop {
+        match changes.recv().await {
+            Ok(change) if matches!(change.kind, EventKind::Queued | EventKind::Requeued) => {
+                node.woken.notify_one();
+            }
+            Ok(_) => {}
+            Err(RecvError::Lagged(_)) => node.woken.notify_waiters(),
+            Err(RecvError::Closed) => return,
+        }
+    }
 }
 
 /// Keeps jobs waiting.
@@ -138,8 +164,8 @@ async fn upload(store: Arc<PostgresStore>, swarm: Arc<Swarm>, tenants: Vec<Tenan
 }
 
 /// How long each claim that got a job took, ms.
-async fn work(store: Arc<PostgresStore>, swarm: &Swarm, until: Instant) -> Vec<f64> {
-    let (mut times_ms, mut changes) = (Vec::new(), store.changes());
+async fn work(node: &Node, swarm: &Swarm, until: Instant) -> Vec<f64> {
+    let (mut times_ms, store) = (Vec::new(), &node.store);
     // Not all at once, as workers are that have been at work for a while.
     let start_ms = rand::rng().random_range(0..WORK_MS.end);
     tokio::time::sleep(Duration::from_millis(start_ms)).await;
@@ -149,7 +175,7 @@ async fn work(store: Arc<PostgresStore>, swarm: &Swarm, until: Instant) -> Vec<f
         let Ok(Some(claim)) = claim else {
             let count = if claim.is_err() { &swarm.failed } else { &swarm.empty };
             count.fetch_add(1, Ordering::SeqCst);
-            let _ = tokio::time::timeout(Duration::from_secs(1), changes.recv()).await;
+            let _ = tokio::time::timeout(Duration::from_secs(1), node.woken.notified()).await;
             continue;
         };
         times_ms.push(asked.elapsed().as_secs_f64() * 1000.0);
