@@ -28,6 +28,11 @@ const REGISTERED_SCALE: f64 = 0.08;
 const REGISTERED_SHIFT: f64 = 0.04;
 /// Paper that changes by more is not taken as white, grey levels.
 const MAX_UNEVENNESS: f64 = 16.0;
+/// Figures of fewer rows are enlarged to at least as many, unless all are clean line art: a pixel
+/// of a sprite would be a step of its draft.
+const MIN_FIGURE_ROWS: f64 = 200.0;
+/// No canvas is enlarged beyond this, px.
+const MAX_ENLARGED_SIDE: f64 = 2048.0;
 /// A view that lacks more of the others' subject is wrong as a whole, share of
 /// its own area.
 const MAX_LACKING: f64 = 0.35;
@@ -122,7 +127,8 @@ pub(super) fn prepare(
         let done = if suggestion.applied { "; it is used so" } else { "; check angle and drawing" };
         format!("{}{done}", suggestion.text)
     }));
-    let moved = needs_canvas(&alignment);
+    let enlarges = !subjects.iter().all(is_clean) && enlarge(&mut alignment);
+    let moved = enlarges || needs_canvas(&alignment);
     let size = (alignment.canvas.width, alignment.canvas.height);
     let places = elevated::places(&mut alignment, (&views, &subjects), &elevated);
     let moves = moved || size != (alignment.canvas.width, alignment.canvas.height);
@@ -305,6 +311,26 @@ fn needs_canvas(alignment: &Alignment) -> bool {
             || (transform.scale - 1.0).abs() > REGISTERED_SCALE
             || top.abs().max(axis.abs()) > REGISTERED_SHIFT * height
     })
+}
+
+/// Lays small figures on a larger canvas, by a whole factor; whether they are.
+fn enlarge(alignment: &mut Alignment) -> bool {
+    let canvas = &mut alignment.canvas;
+    let wanted = (MIN_FIGURE_ROWS / (canvas.rows[1] - canvas.rows[0]).max(1.0)).ceil();
+    let factor =
+        wanted.min((MAX_ENLARGED_SIDE / f64::from(canvas.width.max(canvas.height))).floor());
+    if factor <= 1.0 {
+        return false;
+    }
+    (canvas.width, canvas.height) = (canvas.width * factor as u32, canvas.height * factor as u32);
+    canvas.axis_x *= factor;
+    canvas.rows = canvas.rows.map(|row| row * factor);
+    for view in &mut alignment.views {
+        let Transform { scale, dx, dy } = view.transform;
+        view.transform = Transform { scale: scale * factor, dx: dx * factor, dy: dy * factor };
+    }
+    alignment.changes = true;
+    true
 }
 
 fn suggestions(

@@ -371,6 +371,37 @@ fn a_top_view_in_a_frame_of_its_own_is_laid_beside_the_others() {
 }
 
 #[test]
+fn small_figures_in_colour_are_enlarged_and_line_art_is_not() {
+    let (document, mut files) =
+        turntable([0.0, 90.0].map(|azimuth| (azimuth, rectangle(48, 64, 12))));
+    let side = |metrics: &serde_json::Value| metrics["height_px"].as_u64();
+    assert_eq!(side(&metrics(&run(&document, &files, 1, &Silent).unwrap().1)), Some(88));
+    // An egg of 40 rows.
+    let egg = image::RgbImage::from_fn(48, 64, |x, y| {
+        let (u, v) = ((f64::from(x) - 23.5) / 12.0, (f64::from(y) - 31.5) / 20.0);
+        image::Rgb(if u * u + v * v < 1.0 { [150, 90, 40] } else { [255; 3] })
+    });
+    for bytes in files.values_mut() {
+        let mut png = std::io::Cursor::new(Vec::new());
+        egg.write_to(&mut png, image::ImageFormat::Png).unwrap();
+        *bytes = png.into_inner();
+    }
+    let (_, artifacts) = run(&document, &files, 1, &Silent).unwrap();
+    let told = metrics(&artifacts);
+    assert_eq!(side(&told), Some(64 * 5), "{told}");
+    assert_eq!(told["sheet"]["alignment"]["views"][0]["transform"]["scale"], 5.0);
+    // From the front it is an ellipse, without steps of five pixels.
+    let (positions, _) = model(bytes_of(&artifacts, "solid.glb"));
+    let (low, high) = positions
+        .iter()
+        .fold((f32::MAX, f32::MIN), |(low, high), p| (low.min(p[1]), high.max(p[1])));
+    let (middle, half) = (f32::midpoint(low, high), (high - low) / 2.0);
+    let radius = |p: &[f32; 3]| (p[0] / (half * 0.6)).hypot((p[1] - middle) / half);
+    let farthest = positions.iter().map(radius).fold(0.0, f32::max);
+    assert!((0.97..1.05).contains(&farthest), "{farthest}");
+}
+
+#[test]
 fn the_canvas_grows_for_what_is_long_and_low() {
     let (mut document, files) = turntable([
         (0.0, rectangle(40, 24, 12)),

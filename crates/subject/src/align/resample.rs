@@ -19,7 +19,8 @@ pub struct Aligned {
 /// Resamples every view onto the canvas; views that need nothing are copied.
 ///
 /// A triangle filter as wide as a pixel of the coarser grid (bilinear when
-/// enlarging, area-weighted when reducing); colours are weighted by alpha.
+/// enlarging, area-weighted when reducing), wider where the steps of single pixels
+/// would be seen; colours are weighted by alpha.
 ///
 /// * `views`: those that `alignment` was found for, in their order.
 pub fn apply(alignment: &Alignment, views: &[View<'_>]) -> Vec<Aligned> {
@@ -53,12 +54,17 @@ pub fn apply(alignment: &Alignment, views: &[View<'_>]) -> Vec<Aligned> {
         .collect()
 }
 
+/// From this scale on a pixel's steps are smoothed, by a triangle of so many source pixels to each
+/// side: lines one pixel wide stay.
+const SMOOTHED_SCALE: f64 = 2.0;
+const SMOOTH_RADIUS: f64 = 1.5;
+
 /// For each canvas column or row: the first source pixel and the weights.
 struct Taps(Vec<(i64, Vec<f32>)>);
 
 impl Taps {
     fn new(count: u32, scale: f64, shift: f64) -> Self {
-        let radius = (1.0 / scale).max(1.0);
+        let radius = if scale < SMOOTHED_SCALE { (1.0 / scale).max(1.0) } else { SMOOTH_RADIUS };
         let tap = |k: u32| {
             // Pixel centres: canvas = scale * source + shift.
             let centre = (f64::from(k) + 0.5 - shift) / scale - 0.5;
