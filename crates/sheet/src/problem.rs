@@ -27,7 +27,7 @@ pub enum SheetProblem {
     },
     /// All level views look along one line.
     #[error(
-        "the level views, at {}, look along one line, so that nothing bounds the depth; add a view from another side, such as 90 or 45",
+        "the level views, at {}, look along one line, so that nothing bounds the depth; add a view from another side, such as 90 or 45, or give other angles if these were guessed wrong",
         listed(azimuths_deg)
     )]
     OneDirection {

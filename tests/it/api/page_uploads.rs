@@ -58,9 +58,12 @@ async fn figures_become_views() {
     let service = Service::start().await;
     let given = with_page(page(3)).text("azimuths", "0,270,180");
     assert_eq!(azimuths(&service, given).await, [0.0, 180.0, 270.0]);
-    let guessed = azimuths(&service, with_page(page(2)).text("azimuths", "auto")).await;
-    assert_eq!((guessed.len(), guessed[0]), (2, 0.0));
-    assert_eq!(azimuths(&service, with_page(page(2))).await, guessed);
+    let guessed = azimuths(&service, with_page(page(3)).text("azimuths", "auto")).await;
+    assert_eq!((guessed.len(), guessed[0]), (3, 0.0));
+    assert_eq!(azimuths(&service, with_page(page(3))).await, guessed);
+    // A face, and none on the same figure: front and back.
+    let detail = refused(with_page(page(2)), "too-few-views").await;
+    assert!(detail.contains("0 and 180 degrees") && detail.contains("guessed wrong"), "{detail}");
 }
 
 async fn refused(form: Form, name: &str) -> String {

@@ -299,7 +299,7 @@ async fn a_reconstruction_takes_what_was_seen() {
     let mut page = stored(&service, 3).await;
     let named = |page: &Value| Form::new().text("page", page["id"].as_str().unwrap().to_owned());
     page["figures"][1]["kept"] = json!(false);
-    page["figures"][0]["azimuth_deg"] = json!(180);
+    page["figures"][0]["azimuth_deg"] = json!(90);
     page["figures"][2]["azimuth_deg"] = json!(0);
     page["figures"][2]["ignore"] = json!([[1.0, 2.0]]);
     let page: Value = put(&service, &page).await.json().await.unwrap();
@@ -309,7 +309,7 @@ async fn a_reconstruction_takes_what_was_seen() {
     let (id, payload) = reconstructed(&service, named(&page).text("seed", "7")).await;
     assert_eq!(payload.page.unwrap().to_string(), page["id"].as_str().unwrap());
     let views = &payload.document.views;
-    assert_eq!(views.iter().map(|view| view.azimuth_deg).collect::<Vec<_>>(), [0.0, 180.0]);
+    assert_eq!(views.iter().map(|view| view.azimuth_deg).collect::<Vec<_>>(), [0.0, 90.0]);
     assert_eq!(views[0].ignore.len(), 1);
     assert_eq!(payload.document.options.unwrap()["seed"], 7);
     assert_eq!(service.stored_inputs(id, &[&views[0].image]).await, [seen.to_vec()]);
@@ -324,10 +324,10 @@ async fn a_reconstruction_takes_what_was_seen() {
     assert_eq!(body["page"], page["id"]);
 
     // Other azimuths for this once, in reading order.
-    let turned = named(&page).text("azimuths", "0,90");
+    let turned = named(&page).text("azimuths", "0,45");
     let (_, payload) = reconstructed(&service, turned).await;
     let views = &payload.document.views;
-    assert_eq!(views.iter().map(|view| view.azimuth_deg).collect::<Vec<_>>(), [0.0, 90.0]);
+    assert_eq!(views.iter().map(|view| view.azimuth_deg).collect::<Vec<_>>(), [0.0, 45.0]);
     assert!(views[0].image.contains("figures/0/"), "{}", views[0].image);
     // What is made of a page outlives it, and can be run again.
     assert_eq!(service.delete(&path(&page)).send().await.unwrap().status(), 204);
