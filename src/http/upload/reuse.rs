@@ -18,10 +18,10 @@ use jobs::{EarlierResult, JobId, TenantName};
 /// What a payload has that the result does not depend on.
 const INDIFFERENT: &[&str] = &["source", "page"];
 
-/// Reads the part `reuse`.
+/// Reads the part `reuse`; capitals are as good, as Python's clients write `True`.
 pub(super) async fn read(field: Field<'_>, name: &str) -> Result<bool, Problem> {
     let text = read_text(field, name).await?;
-    text.trim().parse().map_err(|_| {
+    text.trim().to_ascii_lowercase().parse().map_err(|_| {
         let detail = format!("`reuse` is `{text}`; give true or false");
         Problem::new(INVALID_OPTION, detail).part(name)
     })

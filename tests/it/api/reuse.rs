@@ -60,6 +60,8 @@ async fn whatever_differs_is_made_anew() {
     // An option that is given as it would be anyway makes no difference.
     let same = upload(&service, reusable_views(&ANGLES).text("seed", "0")).await;
     assert_eq!(same["state"], "succeeded");
+    let anew = upload(&service, reusable_views(&ANGLES).text("reuse", "False")).await;
+    assert_eq!(anew["state"], "queued");
     let wrong = service.upload(reusable_views(&ANGLES).text("reuse", "perhaps")).await;
     let told = problem(wrong, 422, "invalid-option").await;
     assert!(told["detail"].as_str().unwrap().contains("give true or false"), "{told}");
