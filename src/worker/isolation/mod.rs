@@ -3,7 +3,7 @@
 //!
 //! The service starts its own program again as a child that has one end of a
 //! socket and nothing else: no file, no network, no more memory than a job may
-//! take (`confine`). Inputs come and artifacts go over the socket ([`wire`]),
+//! take (`confine`). Inputs come and artifacts go over the socket (`wire`),
 //! so that all stores stay with the service. A child that has done its job waits
 //! for the next one of the same tenant (`children`).
 
