@@ -8,7 +8,7 @@ use super::smoothing::blurred;
 use crate::surface::field::{Lattice, Plane};
 
 /// How far inside the best node of a covered line of sight is, share of the pitch.
-const DEPTH: f32 = 0.3;
+pub(super) const DEPTH: f32 = 0.3;
 /// How often what is lifted is averaged over neighbours.
 const SPREAD: usize = 4;
 

@@ -9,7 +9,7 @@ use imageproc::distance_transform::euclidean_squared_distance_transform;
 use nalgebra::{Point2, Point3};
 use rayon::prelude::*;
 
-use super::coverage;
+use super::coverage::{self, DEPTH};
 use super::holes::HoleHint;
 use super::outline::Outline;
 use crate::ink::inked;
@@ -44,8 +44,6 @@ pub struct CutReport {
 
 /// A view that leaves more of the level views' lines of sight empty contradicts them.
 const MAX_UNCOVERED: f64 = 0.15;
-/// How far inside the best node of a restored line of sight is, share of the pitch.
-const DEPTH: f32 = 0.3;
 
 /// A silhouette as signed distances in its picture.
 pub(super) struct Cut {
