@@ -152,8 +152,9 @@ fn measure(entry: &Entry, folder: &Path, arguments: &Arguments, sums: &mut Sums)
     if let Some(preset) = arguments.named.get("degrade") {
         let preset = match preset.as_str() {
             "light" => DegradePreset::Light,
+            "middle" => DegradePreset::Middle,
             "heavy" => DegradePreset::Heavy,
-            _ => DegradePreset::Middle,
+            other => return Err(format!("--degrade {other}: give light, middle or heavy").into()),
         };
         draw.degrade = DegradeOptions::preset(preset, arguments.get("seed", "1").parse()?);
     }

@@ -104,7 +104,7 @@ pub fn redraw(draft: &Draft<'_>) -> Vec<Redrawn> {
 
 /// How the silhouettes of `mesh` agree with those of each drawing, intersection
 /// over union, holes filled in both.
-pub fn silhouette_ious(mesh: &Mesh, rig: &Rig, silhouettes: &[Silhouette]) -> Vec<f64> {
+pub(crate) fn silhouette_ious(mesh: &Mesh, rig: &Rig, silhouettes: &[Silhouette]) -> Vec<f64> {
     /// Both are this many times smaller than the drawings: half a pixel decides nothing.
     const SCALE: u32 = 2;
     let of_view = |(index, silhouette): (usize, &Silhouette)| {
