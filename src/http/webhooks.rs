@@ -144,7 +144,7 @@ impl<R: Resource, S: Send + Sync> FromRequestParts<S> for DeliveryId<R> {
 /// Holds an address against what may be called, and whether there is a secret.
 pub(super) async fn check(api: &Api, tenant: &TenantName, url: &str) -> Result<(), Problem> {
     api.state.outbound.policy().check(url).map_err(|error| {
-        Problem::new(INVALID_WEBHOOK, format!("the webhook is refused: {error}"))
+        Problem::new(INVALID_WEBHOOK, format!("the URL of the webhook is refused: {error}"))
     })?;
     if api.state.store.webhook_secrets(tenant).await?.is_empty() {
         let detail = format!(
@@ -187,7 +187,8 @@ pub(super) async fn put(
     Body(document): Body<WebhookDocument>,
 ) -> Result<Json<WebhookDocument>, Problem> {
     if let Some(url) = &document.url {
-        check(&api, &caller.tenant, url).await?;
+        let checked = check(&api, &caller.tenant, url).await;
+        checked.map_err(|problem| problem.part("url"))?;
     }
     api.state.store.set_webhook(&caller.tenant, document.url.as_deref()).await?;
     Ok(Json(document))

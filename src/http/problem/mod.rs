@@ -17,6 +17,8 @@ use options::{OptionProblemKind, OptionProblems};
 
 /// The longest detail sent, bytes: details may quote what the client sent.
 const MAX_DETAIL_BYTES: usize = 600;
+/// Of a longer one so much of the end stays, where the remedy is.
+const END_OF_DETAIL_BYTES: usize = 200;
 
 /// An error on its way to the client.
 #[derive(Clone, Debug)]
@@ -59,7 +61,7 @@ pub struct ProblemDocument {
     /// Path of the request.
     #[schema(format = "uri-reference")]
     pub instance: String,
-    /// Name of the part to blame, such as `view[45]`.
+    /// Name of the part to blame, such as `view[45]`, or of the field of a JSON body.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub part: Option<String>,
     /// Name of the query parameter to blame.
@@ -235,13 +237,18 @@ impl IntoResponse for Problem {
     }
 }
 
+/// Cuts the middle out of what is too long, and writes control characters as escapes.
 fn shorten(mut text: String) -> String {
     if text.len() > MAX_DETAIL_BYTES {
-        let end = (0..=MAX_DETAIL_BYTES).rev().find(|at| text.is_char_boundary(*at));
-        text.truncate(end.unwrap_or(0));
-        text.push('…');
+        let from = text.floor_char_boundary(MAX_DETAIL_BYTES - END_OF_DETAIL_BYTES);
+        let to = text.ceil_char_boundary(text.len() - END_OF_DETAIL_BYTES);
+        text.replace_range(from..to, "…");
     }
-    text
+    if !text.chars().any(char::is_control) {
+        return text;
+    }
+    let plain = |c: char| if c.is_control() { c.escape_default().to_string() } else { c.into() };
+    text.chars().map(plain).collect()
 }
 
 #[cfg(test)]
@@ -250,9 +257,16 @@ mod tests {
 
     #[test]
     fn long_details_are_cut_between_characters() {
-        let problem = Problem::new(INTERNAL, "ä".repeat(1000));
+        let problem = Problem::new(INTERNAL, format!("x{}; mend it", "ä".repeat(1000)));
         assert!(problem.0.detail.len() <= MAX_DETAIL_BYTES + '…'.len_utf8());
-        assert!(problem.0.detail.ends_with("ä…"));
+        assert!(problem.0.detail.starts_with("xä") && problem.0.detail.contains("ä…ä"));
+        assert!(problem.0.detail.ends_with("ä; mend it"));
+    }
+
+    #[test]
+    fn control_characters_of_details_are_escaped() {
+        let problem = Problem::new(INTERNAL, "a\u{1b}[2J\nä\u{7f}");
+        assert_eq!(problem.0.detail, "a\\u{1b}[2J\\nä\\u{7f}");
     }
 
     #[test]

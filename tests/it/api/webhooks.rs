@@ -204,6 +204,35 @@ async fn a_message_is_sent_anew_when_asked_for() {
     }
 }
 
+/// Whoever reads the answers sees what is wrong, not what was sent.
+#[tokio::test]
+async fn what_is_no_url_is_not_sent_back() {
+    let service = Service::start().await;
+    service.secret().await;
+    let long = "x".repeat(5000);
+    for (body, kind, told) in [
+        (json!({"url": format!("{long}:<script>")}), "invalid-webhook", "no absolute URL"),
+        (
+            json!({"url": format!("{}://h/", &long[..1900])}),
+            "invalid-webhook",
+            "its scheme is none",
+        ),
+        (json!({"url": "javascript:alert(1)//<script>"}), "invalid-webhook", "its scheme is none"),
+        (json!({"url": {"x": long}}), "invalid-body", "at `url`: invalid type: map"),
+        (json!({"url": null, "\u{1b}[2J": 1}), "invalid-body", "unknown field `\\u{1b}[2J`"),
+        (json!({"url": null, &long: 1}), "invalid-body", "expected `url`"),
+    ] {
+        let set = service.put("/v1/webhook").json(&body).send().await.unwrap();
+        let refused = problem(set, 422, kind).await;
+        let detail = refused["detail"].as_str().unwrap();
+        assert!(detail.contains(told) && detail.len() < 700, "{told}: {detail}");
+        assert!(!refused.to_string().contains("script"), "{refused}");
+        if kind == "invalid-webhook" {
+            assert!(detail.len() < 120 && detail.contains("give an https URL"), "{detail}");
+        }
+    }
+}
+
 /// Refused when they are named; what can be told by looking up alone is refused
 /// when it is called.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -222,7 +251,8 @@ async fn addresses_that_are_not_public_are_never_called() {
         "nonsense",
     ] {
         let set = service.put("/v1/webhook").json(&json!({"url": url})).send().await.unwrap();
-        problem(set, 422, "invalid-webhook").await;
+        let refused = problem(set, 422, "invalid-webhook").await;
+        assert_eq!(refused["part"], "url", "{refused}");
         let request = service.post(&told_at(url));
         let sent = request.multipart(views(&["0", "45", "90"])).send().await.unwrap();
         let refused = problem(sent, 422, "invalid-webhook").await;
