@@ -6,8 +6,7 @@ use image::{DynamicImage, ImageFormat, ImageReader};
 use serde::Serialize;
 
 use super::view::{ViewTruth, disparity_from_depth, disparity_from_pairs};
-use picture::ImageLimits;
-use picture::{FloatImage, PfmError, decode_pfm};
+use picture::{FloatImage, ImageError, ImageLimits, PfmError, decode_pfm};
 use sheet::{SheetDocument, TruthKind};
 
 /// Float pictures write "nothing here" as a number this large or larger.
@@ -66,6 +65,9 @@ pub enum TruthError {
     /// The PFM picture is malformed or too large.
     #[error(transparent)]
     Pfm(#[from] PfmError),
+    /// Its parts unpack to far more than its pixels need.
+    #[error(transparent)]
+    Inflates(ImageError),
     /// The decoder failed; its own message.
     #[error("is damaged or of a kind that cannot be read: {0}")]
     Damaged(String),
@@ -110,6 +112,12 @@ fn decode_image(bytes: &[u8], limits: &ImageLimits) -> Result<DynamicImage, Trut
             max_pixels: limits.max_pixels,
             max_side_px: limits.max_side_px,
         });
+    }
+    if format == ImageFormat::OpenExr {
+        picture::expect_bounded_exr(bytes).map_err(|error| match error {
+            ImageError::Damaged(cause) => TruthError::Damaged(cause),
+            other => TruthError::Inflates(other),
+        })?;
     }
     let mut reader = reader();
     reader.limits(ImageLimits::of_decoder(width, height));

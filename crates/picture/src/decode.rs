@@ -2,6 +2,7 @@
 
 use std::io::Cursor;
 
+use super::inflation::expect_bounded_tiff;
 use super::kinds;
 use super::svg::{Svg, is_svg};
 
@@ -118,6 +119,14 @@ pub enum ImageError {
         /// The longest side that is decoded, px.
         max_side_px: u32,
     },
+    /// Its parts unpack to far more than its pixels need.
+    #[error("has parts that unpack to {unpacked} bytes, over the limit of {limit} for its size")]
+    Inflates {
+        /// What they unpack to, bytes.
+        unpacked: u64,
+        /// The most for a picture of its size, bytes.
+        limit: u64,
+    },
     /// The decoder failed; its own message.
     #[error("is damaged or truncated: {0}")]
     Damaged(String),
@@ -188,6 +197,9 @@ fn inspect_pixels(
     let mut decoder = reader.into_decoder().map_err(damaged)?;
     let (width, height) = decoder.dimensions();
     limits.expect(width, height)?;
+    if format == Tiff {
+        expect_bounded_tiff(bytes)?;
+    }
     if width == 0 || height == 0 {
         return Err(ImageError::Damaged("it has no pixels".to_owned()));
     }

@@ -66,7 +66,7 @@ fn tiff_not_read(bytes: &[u8]) -> Option<&'static str> {
     const SAMPLE_FORMAT: usize = 339;
     let tiff = Tiff::of(bytes)?;
     let page = tiff.first_page()?;
-    match tiff.tag(page, COMPRESSION) {
+    match tiff.values(page, COMPRESSION).next() {
         Some(50_000) => return Some("a TIFF image compressed by Zstandard"),
         Some(50_001) => return Some("a TIFF image compressed by WebP"),
         Some(34_712) => return Some("a TIFF image compressed by JPEG 2000"),
@@ -75,20 +75,20 @@ fn tiff_not_read(bytes: &[u8]) -> Option<&'static str> {
         _ => {}
     }
     // 1 and 2 are whole numbers, 3 floating-point ones.
-    match tiff.tag(page, SAMPLE_FORMAT) {
+    match tiff.values(page, SAMPLE_FORMAT).next() {
         Some(3) => Some("a TIFF image of floating-point numbers"),
         _ => None,
     }
 }
 
 /// A TIFF's bytes, to look up where its pages are.
-struct Tiff<'a> {
+pub(crate) struct Tiff<'a> {
     bytes: &'a [u8],
     little: bool,
 }
 
 impl<'a> Tiff<'a> {
-    fn of(bytes: &'a [u8]) -> Option<Self> {
+    pub(crate) fn of(bytes: &'a [u8]) -> Option<Self> {
         let little = bytes.starts_with(b"II*\0");
         (little || bytes.starts_with(b"MM\0*")).then_some(Self { bytes, little })
     }
@@ -100,7 +100,7 @@ impl<'a> Tiff<'a> {
         Some(if self.little { little } else { bytes.iter().fold(0, fold) })
     }
 
-    fn first_page(&self) -> Option<usize> {
+    pub(crate) fn first_page(&self) -> Option<usize> {
         self.number(4, 4)
     }
 
@@ -110,18 +110,34 @@ impl<'a> Tiff<'a> {
         page.checked_add(2 + 12 * entries)
     }
 
-    /// A tag's value, or the first of several; `None` if it is missing or no 16-bit number.
-    fn tag(&self, page: usize, wanted: usize) -> Option<usize> {
-        const SHORT: usize = 3;
+    /// A tag's values: their size each, bytes, where they begin, and how many there are.
+    fn entry(&self, page: usize, wanted: usize) -> Option<(usize, usize, usize)> {
         let entries = self.number(page, 2)?;
         let mut starts = (0..entries).map(|entry| page + 2 + 12 * entry);
         let entry = starts.find(|&at| self.number(at, 2) == Some(wanted))?;
-        if self.number(entry + 2, 2)? != SHORT {
-            return None;
-        }
-        // More than two values are elsewhere.
-        let here = self.number(entry + 4, 4)? <= 2;
-        self.number(if here { entry + 8 } else { self.number(entry + 8, 4)? }, 2)
+        let size = match self.number(entry + 2, 2)? {
+            1 | 7 => 1,
+            3 => 2,
+            4 => 4,
+            _ => return None,
+        };
+        let count = self.number(entry + 4, 4)?;
+        // More than four bytes are elsewhere.
+        let here = count.checked_mul(size)? <= 4;
+        Some((size, if here { entry + 8 } else { self.number(entry + 8, 4)? }, count))
+    }
+
+    /// A tag's whole numbers; none if it is missing or of another kind. Ends with the file.
+    pub(crate) fn values(&self, page: usize, wanted: usize) -> impl Iterator<Item = u64> + '_ {
+        let (size, start, count) = self.entry(page, wanted).unwrap_or_default();
+        let value = move |k: usize| self.number(start.checked_add(k.checked_mul(size)?)?, size);
+        (0..count).map_while(value).map(|value| value as u64)
+    }
+
+    /// A tag's bytes, as they are.
+    pub(crate) fn bytes_of(&self, page: usize, wanted: usize) -> Option<&'a [u8]> {
+        let (size, start, count) = self.entry(page, wanted)?;
+        self.bytes.get(start..start.checked_add(count.checked_mul(size)?)?)
     }
 }
 

@@ -8,6 +8,7 @@
 mod decode;
 mod float_image;
 mod flood;
+mod inflation;
 mod kinds;
 mod maps;
 mod pfm;
@@ -19,6 +20,7 @@ pub use decode::{
 };
 pub use float_image::{FloatImage, ValueRange};
 pub use flood::{border, flooded};
+pub use inflation::expect_bounded_exr;
 pub use kinds::tiff_pages_apart;
 pub use maps::{DepthEncoding, depth_png, disparity_png, normals_png, silhouette_png};
 pub use pfm::{PfmError, decode_pfm, encode_pfm};

@@ -97,6 +97,7 @@ pub(in crate::http) fn image_problem(part: &str, error: &ImageError) -> Problem 
         ImageError::TooManyBytes { .. } => (PART_TOO_LARGE, "compress it or scale it down"),
         ImageError::TooManyPixels { .. } => (TOO_MANY_PIXELS, "scale it down"),
         ImageError::NotAnImage => (NOT_AN_IMAGE, "export it as one of these"),
+        ImageError::Inflates { .. } => (TOO_MANY_PIXELS, "export it again, as PNG"),
         ImageError::Damaged(_) => (DAMAGED_IMAGE, "export or copy it again"),
         // The error says itself what to send instead.
         ImageError::Unsupported { .. } => {

@@ -157,7 +157,7 @@ async fn check_picture(
 fn truth_problem(part: &str, error: &TruthError) -> Problem {
     let kind = match error {
         TruthError::TooManyBytes { .. } => PART_TOO_LARGE,
-        TruthError::TooManyPixels { .. } => TOO_MANY_PIXELS,
+        TruthError::TooManyPixels { .. } | TruthError::Inflates(_) => TOO_MANY_PIXELS,
         TruthError::UnknownFormat | TruthError::Pfm(_) | TruthError::Damaged(_) => INVALID_TRUTH,
     };
     Problem::new(kind, format!("`{part}` {error}; export it again")).part(part)
