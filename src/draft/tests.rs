@@ -163,6 +163,7 @@ fn a_sheet_becomes_every_artifact() {
     for expected in [
         "views/0/disparity.png",
         "views/5/disparity.pfm",
+        "views/5/drawing.png",
         "views/5/depth.png",
         "views/10/depth.pfm",
         "pairs/0-5/matches.png",

@@ -80,7 +80,8 @@ impl<'a, 'e> Uncalibrated<'a, 'e> {
     }
 
     fn views(&mut self) -> Result<(), DraftError> {
-        self.exporter.each(&self.reconstruction.views, |view| Ok(view_files(view)?))
+        let sheet = self.sheet;
+        self.exporter.each(&self.reconstruction.views, |view| Ok(view_files(view, sheet)?))
     }
 
     fn pairs(&mut self) -> Result<(), DraftError> {

@@ -22,6 +22,8 @@ pub enum ViewArtifact {
     DepthPfm,
     /// Unit normals in the view's frame: x right, y up, z to the camera.
     NormalsPng,
+    /// The drawing as the method took it, in which places of matches are told.
+    DrawingPng,
     /// The subject's area, white.
     SilhouettePng,
     /// The subject cut out of the drawing, in colour.
@@ -107,14 +109,14 @@ impl ArtifactName {
     /// The media type of the bytes.
     pub fn media_type(self) -> &'static str {
         use ViewArtifact::{
-            DepthPfm, DepthPng, DisparityPfm, DisparityPng, FitPng, NormalsPng, SilhouettePng,
-            SubjectPng, TrustPng,
+            DepthPfm, DepthPng, DisparityPfm, DisparityPng, DrawingPng, FitPng, NormalsPng,
+            SilhouettePng, SubjectPng, TrustPng,
         };
         match self {
             Self::View(
                 _,
-                DisparityPng | DepthPng | NormalsPng | SilhouettePng | SubjectPng | TrustPng
-                | FitPng,
+                DisparityPng | DepthPng | NormalsPng | DrawingPng | SilhouettePng | SubjectPng
+                | TrustPng | FitPng,
             )
             | Self::Pair(_, _, PairArtifact::MatchesPng | PairArtifact::RectifiedPng)
             | Self::Clean(CleanArtifact::Page | CleanArtifact::View(_) | CleanArtifact::Mask(_))
@@ -146,6 +148,7 @@ impl fmt::Display for ArtifactName {
                     ViewArtifact::DepthPng => "depth.png",
                     ViewArtifact::DepthPfm => "depth.pfm",
                     ViewArtifact::NormalsPng => "normals.png",
+                    ViewArtifact::DrawingPng => "drawing.png",
                     ViewArtifact::SilhouettePng => "silhouette.png",
                     ViewArtifact::SubjectPng => "subject.png",
                     ViewArtifact::TrustPng => "trust.png",

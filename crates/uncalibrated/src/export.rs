@@ -1,17 +1,27 @@
 //! The reconstruction of views and pairs as files.
 
 use artifacts::{Artifact, ArtifactName, Files, PairArtifact, ViewArtifact};
-use picture::EncodeError;
+use frames::Azimuth;
+use image::GrayImage;
+use picture::{EncodeError, png};
 use sheet::{Sheet, View};
 
 use crate::pair_files::{matches_json, matches_png, rectified_png};
 use crate::{PairResult, ViewResult, rectified_pair};
 
-/// The maps of a view.
+/// The maps of a view and its drawing.
 ///
 /// # Errors
 /// [`EncodeError`] for a picture that cannot be written.
-pub fn view_files(view: &ViewResult) -> Result<Files, EncodeError> {
+pub fn view_files(view: &ViewResult, sheet: &Sheet) -> Result<Files, EncodeError> {
+    let mut files = maps(view)?;
+    let drawing = png(drawing(sheet, view.azimuth)?)?;
+    let name = ArtifactName::View(view.azimuth.into(), ViewArtifact::DrawingPng);
+    files.artifacts.push(Artifact::new(name, drawing));
+    Ok(files)
+}
+
+fn maps(view: &ViewResult) -> Result<Files, EncodeError> {
     match (&view.disparity, &view.depth) {
         (Some(disparity), Some(depth)) => Files::of_maps(view.azimuth.into(), disparity, depth),
         _ => {
@@ -34,13 +44,7 @@ pub fn view_files(view: &ViewResult) -> Result<Files, EncodeError> {
 /// [`EncodeError`] for a picture that cannot be written.
 pub fn pair_files(pair: &PairResult, sheet: &Sheet) -> Result<Files, EncodeError> {
     let name = |artifact| ArtifactName::Pair(pair.name.left, pair.name.right, artifact);
-    let drawing = |azimuth| {
-        let found = sheet.views().iter().find(|view: &&View| view.azimuth == azimuth);
-        found
-            .map(|view| &view.image)
-            .ok_or_else(|| EncodeError::new("a pair", format!("{} has no view", pair.name)))
-    };
-    let drawings = [drawing(pair.name.left)?, drawing(pair.name.right)?];
+    let drawings = [drawing(sheet, pair.name.left)?, drawing(sheet, pair.name.right)?];
     let mut files = Files {
         artifacts: vec![
             Artifact::new(name(PairArtifact::MatchesPng), matches_png(pair, drawings)?),
@@ -61,4 +65,10 @@ pub fn pair_files(pair: &PairResult, sheet: &Sheet) -> Result<Files, EncodeError
         }
     }
     Ok(files)
+}
+
+fn drawing(sheet: &Sheet, azimuth: Azimuth) -> Result<&GrayImage, EncodeError> {
+    let found = sheet.views().iter().find(|view: &&View| view.azimuth == azimuth);
+    let none = || EncodeError::new("a drawing", format!("there is no view {azimuth}"));
+    found.map(|view| &view.image).ok_or_else(none)
 }
