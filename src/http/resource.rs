@@ -194,7 +194,7 @@ pub(super) async fn list<R: Resource, B: Serialize>(
         limit,
     };
     let page = api.state.store.list(&query).await?;
-    let next = page.next.map(|id| next_uri::<R>(&parameters, limit, id));
+    let next = page.next.map(|id| next_uri(R::PATH, &parameters, limit, id));
     let views = page.jobs.iter().map(R::View::from).collect();
     Ok(part_of_list(next, |next| body(views, next)))
 }
@@ -235,7 +235,14 @@ pub(super) fn cursor(text: &str) -> Result<JobId, Problem> {
 }
 
 /// The same list from `cursor` on.
-fn next_uri<R: Resource>(parameters: &ListParameters, limit: u32, cursor: JobId) -> String {
+///
+/// * `parameters`: those that it was asked for with.
+pub(super) fn next_uri(
+    path: &str,
+    parameters: &impl Serialize,
+    limit: u32,
+    cursor: JobId,
+) -> String {
     let mut query = form_urlencoded::Serializer::new(String::new());
     let given = serde_json::to_value(parameters).unwrap_or_default();
     for (name, value) in given.as_object().into_iter().flatten() {
@@ -244,7 +251,7 @@ fn next_uri<R: Resource>(parameters: &ListParameters, limit: u32, cursor: JobId)
         }
     }
     query.append_pair("limit", &limit.to_string()).append_pair("cursor", &cursor.to_string());
-    format!("{}?{}", R::PATH, query.finish())
+    format!("{path}?{}", query.finish())
 }
 
 /// Answers one job, at once or when it has changed or finished.

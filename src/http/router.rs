@@ -77,6 +77,7 @@ fn quick_routes() -> OpenApiRouter<Arc<Api>> {
         .routes(paths!(sheets::delete))
         .routes(paths!(sheets::patch))
         .routes(paths!(drawn_pages::delete))
+        .routes(paths!(drawn_pages::patch))
         .routes(paths!(drawn_pages::list))
         .routes(paths!(sheets::cancel))
         .routes(paths!(sheets::artifacts))

@@ -1,4 +1,4 @@
-//! What people say of a job: its name, its labels, and how long it stays. Given
+//! What people say of a job or page: its name, its labels, and how long it stays. Given
 //! with the upload as query parameters, and changed with PATCH.
 
 use std::collections::BTreeMap;
@@ -16,7 +16,7 @@ const MAX_TEXT: usize = 200;
 /// The longest time to stay: ten years.
 const MAX_SECONDS: i64 = 10 * 366 * 24 * 3600;
 
-/// What to change of what people say of a job; what is left out stays.
+/// What to change of what people say of a job or page; what is left out stays.
 #[derive(Debug, Default, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 #[schema(example = json!({"name": "Ida, final", "labels": {"show": "7", "shot": "12"}, "pinned": true}))]
@@ -42,7 +42,7 @@ fn given<'de, T: Deserialize<'de>, D: Deserializer<'de>>(from: D) -> Result<Opti
 }
 
 impl Changes {
-    /// The job's tags with these changes.
+    /// The tags with these changes.
     pub(super) fn over(self, tags: Tags, now: Timestamp) -> Result<Tags, Problem> {
         let wrong = |detail| Problem::new(INVALID_BODY, detail);
         Ok(Tags {
@@ -65,7 +65,7 @@ impl Changes {
     }
 }
 
-/// The tags of a new job, as query parameters have them.
+/// The tags of a new job or page, as query parameters have them.
 pub(super) fn of_query(
     name: Option<String>,
     labels: Option<&str>,

@@ -28,7 +28,7 @@ pub use access::{
     TenantLimits, TenantName,
 };
 pub use clock::{Clock, ManualClock, SystemClock, Uptime};
-pub use pages::{NewPage, PageStore, StoredPage};
+pub use pages::{NewPage, PageQuery, PageStore, StoredPage};
 pub use postgres::{PostgresOptions, PostgresStore};
 pub use sqlite::SqliteStore;
 pub use storage::StorageStore;

@@ -10,13 +10,13 @@ use rayon::prelude::*;
 use subject::{Box2, Hints, Point, SubjectError, SubjectOptions};
 
 use super::document::{
-    FigureEdit, LeftOutThing, PageContent, PageFigure, PagePicture, PixelBox, figure_file,
-    picture_file,
+    LeftOutThing, PageContent, PageFigure, PagePicture, PixelBox, figure_file, picture_file,
 };
+use super::edit::FigureEdit;
 use crate::http::problem::{
     DIFFERING_SIZES, DUPLICATE_AZIMUTH, INVALID_ANGLE, INVALID_PAGE, NO_FIGURE, Problem,
 };
-use frames::Azimuth;
+use frames::{Azimuth, Elevation};
 
 /// Corners and points by hand of one figure.
 const MAX_POINTS: usize = 10_000;
@@ -103,6 +103,7 @@ impl Searched {
             place: (*place).into(),
             crop: crop.into(),
             azimuth_deg: 0.0,
+            elevation_deg: 0.0,
             confidence: 1.0,
             kept: true,
             mirrored: false,
@@ -111,6 +112,10 @@ impl Searched {
             erase: Vec::new(),
             attach: Vec::new(),
             ignore: Vec::new(),
+            axis_x: None,
+            ground_y: None,
+            scale_by_hand: None,
+            holes: Vec::new(),
             mask_given: false,
             baseline_row: place.bottom,
             axis_column: (f64::from(place.left) + f64::from(place.right)) / 2.0,
@@ -146,8 +151,8 @@ impl Searched {
             );
             return Err(refuse(detail));
         }
-        let points = edit.erase.iter().chain([&edit.polygon, &edit.attach, &edit.ignore]);
-        let points: Vec<_> = points.flatten().flatten().collect();
+        let points = [&edit.polygon, &edit.attach, &edit.ignore, &edit.holes];
+        let points: Vec<_> = edit.erase.iter().chain(points).flatten().flatten().collect();
         if points.len() > 2 * MAX_POINTS || points.iter().any(|value| !value.is_finite()) {
             let detail = format!(" has more than {MAX_POINTS} points, or one that is not finite");
             return Err(refuse(detail));
@@ -156,6 +161,11 @@ impl Searched {
             let detail = format!("figures[{number}].azimuth_deg is no finite angle in degrees");
             Problem::new(INVALID_ANGLE, detail).part(format!("figures[{number}]"))
         })?;
+        let elevation = Elevation::from_degrees(edit.elevation_deg).map_err(|_| {
+            let detail = format!("figures[{number}].elevation_deg must be from -90 to 90 degrees");
+            Problem::new(INVALID_ANGLE, detail).part(format!("figures[{number}]"))
+        })?;
+        check_place(&edit, (width, height)).map_err(refuse)?;
         let figures = &self.proposals[edit.picture].figures;
         let place = Box2::from(edit.place);
         let proposed = figures.iter().position(|figure| figure.place == place);
@@ -169,6 +179,9 @@ impl Searched {
         let is_guess = proposed.is_some_and(|index| figures[index].azimuth == azimuth);
         figure.confidence = edit.confidence.filter(|_| is_guess).unwrap_or(1.0).clamp(0.0, 1.0);
         figure.azimuth_deg = azimuth.degrees();
+        figure.elevation_deg = elevation.degrees();
+        (figure.axis_x, figure.ground_y) = (edit.axis_x, edit.ground_y);
+        (figure.scale_by_hand, figure.holes) = (edit.scale_by_hand, edit.holes);
         (figure.kept, figure.mirrored) = (edit.kept, edit.mirrored);
         (figure.polygon, figure.erase) = (edit.polygon, edit.erase);
         (figure.attach, figure.ignore) = (edit.attach, edit.ignore);
@@ -267,16 +280,53 @@ impl Searched {
             }
             subject.mask
         });
+        if let Some(x) = figure.axis_x {
+            figure.axis_column = x;
+        }
+        if let Some(y) = figure.ground_y {
+            // On the picture, as was checked.
+            figure.baseline_row = y.round() as u32;
+        }
         (figure, crop, mask)
     }
 }
 
-/// Two views of one sheet cannot stand at one azimuth.
+/// Holds what is said by hand of a figure's place against its picture and box; answers what is
+/// wrong, to stand behind the figure's name.
+fn check_place(edit: &FigureEdit, (width, height): (u32, u32)) -> Result<(), String> {
+    for (field, value, side) in
+        [("axis_x", edit.axis_x, width), ("ground_y", edit.ground_y, height)]
+    {
+        if let Some(value) = value.filter(|value| !(0.0..=f64::from(side)).contains(value)) {
+            return Err(format!(
+                ".{field} is {value}; give a place on the picture, 0 to {side} px, or null to have it found"
+            ));
+        }
+    }
+    if let Some(scale) = edit.scale_by_hand.filter(|scale| !(0.125..=8.0).contains(scale)) {
+        return Err(format!(
+            ".scale_by_hand is {scale}; give a factor from 0.125 to 8, or null to have it found"
+        ));
+    }
+    let PixelBox { left, top, right, bottom } = edit.place;
+    let inside = |&&[x, y]: &&[f64; 2]| {
+        (f64::from(left)..=f64::from(right)).contains(&x)
+            && (f64::from(top)..=f64::from(bottom)).contains(&y)
+    };
+    match edit.holes.iter().find(|point| !inside(point)) {
+        None => Ok(()),
+        Some([x, y]) => Err(format!(
+            ".holes has ({x}, {y}), outside of its box; point at holes inside of the figure"
+        )),
+    }
+}
+
+/// Two views of one sheet cannot stand at one angle.
 fn check_azimuths(wanted: &[Wanted]) -> Result<(), Problem> {
     let kept: Vec<_> = wanted.iter().enumerate().filter(|(_, wanted)| wanted.figure.kept).collect();
     for (at, (number, wanted)) in kept.iter().enumerate() {
-        let azimuth = wanted.figure.azimuth();
-        let same = kept[..at].iter().find(|(_, earlier)| earlier.figure.azimuth() == azimuth);
+        let angle = |wanted: &Wanted| (wanted.figure.azimuth(), wanted.figure.elevation_deg);
+        let same = kept[..at].iter().find(|(_, earlier)| angle(earlier) == angle(wanted));
         if let Some((earlier, _)) = same {
             let detail = format!(
                 "figures[{earlier}] and figures[{number}] both have azimuth {}; give each angle once (360 and 0 are the same), or leave one out",

@@ -1,7 +1,8 @@
 //! A page as it is stored, as clients see it, and as they edit it.
 
+use std::collections::BTreeMap;
+
 use jiff::Timestamp;
-use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 use uuid::Uuid;
@@ -11,7 +12,7 @@ use crate::http::problem::Problem;
 use frames::Azimuth;
 use jobs::StoredPage;
 use page::LeftOut;
-use sheet::{SheetDocument, ViewDocument};
+use sheet::{HoleDocument, SheetDocument, ViewDocument};
 use subject::Box2;
 
 /// A page of drawings with the figures found on it.
@@ -19,8 +20,18 @@ use subject::Box2;
 #[schema(as = Page)]
 pub(super) struct PageView {
     pub id: Uuid,
-    /// Counts the changes, from 1; also the ETag.
+    /// Counts the changes of what is on it, from 1.
     pub version: u64,
+    /// What people call it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
+    /// What it is found by.
+    pub labels: BTreeMap<String, String>,
+    /// When it is deleted by itself, unless it is pinned; null keeps it.
+    #[schema(value_type = Option<String>, format = DateTime)]
+    pub expires_at: Option<Timestamp>,
+    /// Whether it stays although its time is over.
+    pub pinned: bool,
     #[schema(value_type = String, format = DateTime)]
     pub created_at: Timestamp,
     #[schema(value_type = String, format = DateTime)]
@@ -87,6 +98,10 @@ pub(in crate::http) struct PageFigure {
     /// Degrees in [0, 360): 0 is the front, 90 shows the subject's left side.
     #[schema(minimum = 0, exclusive_maximum = 360)]
     pub azimuth_deg: f64,
+    /// How far the camera is raised, degrees: 0 is level, 90 looks straight down.
+    #[serde(default)]
+    #[schema(minimum = -90, maximum = 90, required = true)]
+    pub elevation_deg: f64,
     /// How likely the azimuth is; 1 if it was given.
     #[schema(minimum = 0, maximum = 1)]
     pub confidence: f64,
@@ -109,11 +124,27 @@ pub(in crate::http) struct PageFigure {
     /// Points by hand in pieces that are not of the subject.
     #[schema(value_type = Vec<Vec<f64>>)]
     pub ignore: Vec<[f64; 2]>,
+    /// The column of its turning axis by hand; null if it is to be found.
+    #[serde(default)]
+    #[schema(required = true)]
+    pub axis_x: Option<f64>,
+    /// The row where the axis meets the ground by hand; null if it is to be found.
+    #[serde(default)]
+    #[schema(required = true)]
+    pub ground_y: Option<f64>,
+    /// By what it is multiplied to fit the others, by hand; null if that is to be found.
+    #[serde(default)]
+    #[schema(required = true)]
+    pub scale_by_hand: Option<f64>,
+    /// Points by hand in holes through the subject.
+    #[serde(default)]
+    #[schema(value_type = Vec<Vec<f64>>, required = true)]
+    pub holes: Vec<[f64; 2]>,
     /// Whether its mask was sent.
     pub mask_given: bool,
-    /// The row on which it stands: the first below it.
+    /// The row on which it stands: the first below it, or what `ground_y` says.
     pub baseline_row: u32,
-    /// The column of its turning axis.
+    /// The column of its turning axis, or what `axis_x` says.
     pub axis_column: f64,
     /// Which way it faces on the page: -1 to the left, 1 to the right, 0 if that
     /// could not be told.
@@ -159,119 +190,6 @@ pub(super) struct PageLinks {
     pub preview: String,
 }
 
-/// The page as it should be: its figures, in order. What the service finds out by
-/// itself may be left as it was and is not read.
-#[derive(Debug, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-pub(super) struct PageEdit {
-    pub figures: Vec<FigureEdit>,
-    #[serde(default, rename = "id")]
-    #[schema(ignore)]
-    _id: IgnoredAny,
-    #[serde(default, rename = "version")]
-    #[schema(ignore)]
-    _version: IgnoredAny,
-    #[serde(default, rename = "created_at")]
-    #[schema(ignore)]
-    _created_at: IgnoredAny,
-    #[serde(default, rename = "changed_at")]
-    #[schema(ignore)]
-    _changed_at: IgnoredAny,
-    #[serde(default, rename = "pictures")]
-    #[schema(ignore)]
-    _pictures: IgnoredAny,
-    #[serde(default, rename = "left_out")]
-    #[schema(ignore)]
-    _left_out: IgnoredAny,
-    #[serde(default, rename = "confidence")]
-    #[schema(ignore)]
-    _confidence: IgnoredAny,
-    #[serde(default, rename = "sheet")]
-    #[schema(ignore)]
-    _sheet: IgnoredAny,
-    #[serde(default, rename = "links")]
-    #[schema(ignore)]
-    _links: IgnoredAny,
-}
-
-/// One figure as it should be.
-#[derive(Debug, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-pub(super) struct FigureEdit {
-    /// Which of the pictures it is on, from 0.
-    #[serde(default)]
-    pub picture: usize,
-    /// Its bounds, px; inside of the picture.
-    #[serde(rename = "box")]
-    pub place: PixelBox,
-    /// Degrees: 0 is the front, 90 shows the subject's left side.
-    pub azimuth_deg: f64,
-    /// Whether it is a view of the sheet.
-    #[serde(default = "yes")]
-    #[schema(default = true)]
-    pub kept: bool,
-    /// Whether the drawing is mirrored.
-    #[serde(default)]
-    pub mirrored: bool,
-    /// The outline by hand, px.
-    #[serde(default)]
-    #[schema(value_type = Vec<Vec<f64>>)]
-    pub polygon: Vec<[f64; 2]>,
-    /// Areas that are paper: polygons, px.
-    #[serde(default)]
-    #[schema(value_type = Vec<Vec<Vec<f64>>>)]
-    pub erase: Vec<Vec<[f64; 2]>>,
-    /// Points in pieces that are of the subject, px.
-    #[serde(default)]
-    #[schema(value_type = Vec<Vec<f64>>)]
-    pub attach: Vec<[f64; 2]>,
-    /// Points in pieces that are not of the subject, px.
-    #[serde(default)]
-    #[schema(value_type = Vec<Vec<f64>>)]
-    pub ignore: Vec<[f64; 2]>,
-    /// Keep the mask that was sent for the figure of this number. A new one comes
-    /// as a part `mask[N]`, N from 0 in the order of this list.
-    #[serde(default)]
-    pub mask_given: bool,
-    #[serde(default, rename = "crop")]
-    #[schema(ignore)]
-    _crop: IgnoredAny,
-    #[serde(default, rename = "confidence")]
-    #[schema(ignore)]
-    pub confidence: Option<f64>,
-    #[serde(default, rename = "outline")]
-    #[schema(ignore)]
-    _outline: IgnoredAny,
-    #[serde(default, rename = "baseline_row")]
-    #[schema(ignore)]
-    _baseline_row: IgnoredAny,
-    #[serde(default, rename = "axis_column")]
-    #[schema(ignore)]
-    _axis_column: IgnoredAny,
-    #[serde(default, rename = "facing")]
-    #[schema(ignore)]
-    _facing: IgnoredAny,
-    #[serde(default, rename = "scale")]
-    #[schema(ignore)]
-    _scale: IgnoredAny,
-    #[serde(default, rename = "row")]
-    #[schema(ignore)]
-    _row: IgnoredAny,
-    #[serde(default, rename = "warnings")]
-    #[schema(ignore)]
-    _warnings: IgnoredAny,
-    #[serde(default, rename = "crop_picture")]
-    #[schema(ignore)]
-    _crop_picture: IgnoredAny,
-    #[serde(default, rename = "mask_picture")]
-    #[schema(ignore)]
-    _mask_picture: IgnoredAny,
-}
-
-fn yes() -> bool {
-    true
-}
-
 impl PageView {
     pub(super) fn of(stored: &StoredPage) -> Result<Self, Problem> {
         let content = PageContent::of(stored)?;
@@ -279,6 +197,10 @@ impl PageView {
         Ok(Self {
             id: stored.id.0,
             version: stored.version,
+            name: stored.tags.name.clone(),
+            labels: stored.tags.labels.clone(),
+            expires_at: stored.tags.expires_at,
+            pinned: stored.tags.pinned,
             created_at: stored.created_at,
             changed_at: stored.changed_at,
             sheet: content.sheet(""),
@@ -334,11 +256,27 @@ impl PageContent {
                 erase: figure.erase.iter().map(|area| figure.in_crop(area)).collect(),
                 attach: figure.in_crop(&figure.attach),
                 ignore: figure.in_crop(&figure.ignore),
+                elevation_deg: figure.elevation(),
+                axis_x: figure.axis_x.map(|x| x - f64::from(figure.crop.left)),
+                ground_y: figure.ground_y.map(|y| y - f64::from(figure.crop.top)),
+                scale: figure.scale_by_hand,
                 mirrored: figure.mirrored,
                 ..ViewDocument::default()
             }
         };
-        SheetDocument { views: self.kept().map(view).collect(), ..SheetDocument::default() }
+        let holes = self.kept().flat_map(|(_, figure)| {
+            figure.in_crop(&figure.holes).into_iter().map(|[x, y]| HoleDocument {
+                azimuth_deg: figure.azimuth_deg,
+                elevation_deg: figure.elevation(),
+                x,
+                y,
+            })
+        });
+        SheetDocument {
+            views: self.kept().map(view).collect(),
+            holes: holes.collect(),
+            ..SheetDocument::default()
+        }
     }
 }
 
@@ -352,6 +290,11 @@ impl PageFigure {
     /// Width and height of its crop, px.
     pub(in crate::http) fn crop_size(&self) -> (u32, u32) {
         (self.crop.right - self.crop.left, self.crop.bottom - self.crop.top)
+    }
+
+    /// Its elevation, as documents say it: level views say nothing.
+    fn elevation(&self) -> Option<f64> {
+        Some(self.elevation_deg).filter(|&degrees| degrees != 0.0)
     }
 
     /// Its azimuth, which was checked when it was stored.

@@ -1,52 +1,42 @@
 //! The resource `/v1/pages`: pictures with several views on them, the figures
 //! found there, and what clients put right before they have them reconstructed.
 
+mod create;
 mod cut;
 mod document;
+mod edit;
 mod list;
+mod replace;
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use axum::body::{Body, to_bytes};
+use axum::body::Body;
 use axum::extract::rejection::PathRejection;
-use axum::extract::{Path, Request, State};
+use axum::extract::{Path, State};
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::{Extension, Json};
 use axum_extra::headers::{ETag, HeaderMapExt};
 use bytes::Bytes;
-use image::GrayImage;
 use serde_json::Value;
 
-use self::cut::{Cut, Searched};
+pub(super) use self::create::*;
 pub(super) use self::document::PageContent;
-use self::document::{PageEdit, PageView, figure_file, picture_file};
+use self::document::{PageView, figure_file, picture_file};
 pub(super) use self::list::*;
+pub(super) use self::replace::*;
 use super::Api;
 use super::access::Caller;
-use super::conditional::{is_known, is_unwanted};
+use super::body::Body as JsonBody;
+use super::conditional::is_known;
 use super::openapi::problem_responses;
 use super::problem::*;
-use super::upload::{self, Document, EditForm, FilePart, PageForm, image_problem};
-use jiff::{SignedDuration, Timestamp};
+use super::tags::Changes;
+use jiff::Timestamp;
 use jobs::bytes::{ByteError, Key};
-use jobs::{JobId, NewPage, StoreError, StoredPage};
+use jobs::{JobId, StoreError, StoredPage};
 
-problem_responses! {
-    CreateProblems: UNSUPPORTED_MEDIA_TYPE, MALFORMED_MULTIPART, INVALID_PART_NAME, INVALID_JSON,
-        BODY_TOO_LARGE, PART_TOO_LARGE, TOO_MANY_PIXELS, TOO_MANY_VIEWS, MISSING_PART, UNKNOWN_PART,
-        DUPLICATE_PART, DUPLICATE_AZIMUTH, INVALID_ANGLE, EMPTY_FILE, NO_FIGURE,
-        WRONG_NUMBER_OF_FIGURES, NOT_AN_IMAGE, DAMAGED_IMAGE, REQUEST_TIMEOUT, BUSY, UNAVAILABLE,
-        INSUFFICIENT_STORAGE, TENANT_FULL
-}
-problem_responses! {
-    ReplaceProblems: UNSUPPORTED_MEDIA_TYPE, MALFORMED_MULTIPART, INVALID_PART_NAME, INVALID_JSON,
-        INVALID_PAGE, BODY_TOO_LARGE, PART_TOO_LARGE, TOO_MANY_PIXELS, TOO_MANY_VIEWS,
-        MISSING_PART, UNKNOWN_PART, DUPLICATE_PART, DUPLICATE_AZIMUTH, INVALID_ANGLE,
-        DIFFERING_SIZES, EMPTY_FILE, NO_FIGURE, NOT_AN_IMAGE, DAMAGED_IMAGE, UNKNOWN_PAGE,
-        PRECONDITION_FAILED, REQUEST_TIMEOUT, BUSY, UNAVAILABLE, INSUFFICIENT_STORAGE, TENANT_FULL
-}
+problem_responses! { PatchProblems: UNKNOWN_PAGE, INVALID_BODY, UNAVAILABLE }
 problem_responses! { PageProblems: UNKNOWN_PAGE, UNAVAILABLE }
 
 /// The id in a path. What is no id names no page.
@@ -78,80 +68,6 @@ fn store_problem(error: StoreError) -> Problem {
         StoreError::NotFound(id) => Problem::new(UNKNOWN_PAGE, format!("there is no page {id}")),
         other => other.into(),
     }
-}
-
-/// Upload a page and have its figures found.
-///
-/// Answers at once with boxes, outlines, masks and guessed azimuths of the figures, and with what
-/// was left out. Put right what is wrong, then have it reconstructed by naming the page in the part
-/// `page` of a reconstruction.
-#[utoipa::path(
-    post,
-    path = "/v1/pages",
-    operation_id = "create_page",
-    tag = "pages",
-    request_body(content = ref("#/components/schemas/PageUpload"), content_type = "multipart/form-data"),
-    responses(
-        (status = 201, description = "Stored", body = PageView,
-         headers(("Location" = String), ("ETag" = String))),
-        CreateProblems,
-    )
-)]
-pub(super) async fn create(
-    State(api): State<Arc<Api>>,
-    Extension(caller): Extension<Arc<Caller>>,
-    request: Request,
-) -> Result<Response, Problem> {
-    let ((sources, cut), _hold) =
-        upload::read_and(&api, &caller, request, async |form: PageForm| {
-            let (files, azimuths) = form.into_parts();
-            if files.is_empty() {
-                let detail = "no page was sent; add -F page=@sheet.png";
-                return Err(Problem::new(MISSING_PART, detail).part("page"));
-            }
-            let azimuths = upload::azimuth_part(azimuths.as_deref())?;
-            let limits = api.limits;
-            let cut = api.decoders.run(move || {
-                let (pictures, proposals) = upload::search(&files, azimuths.as_deref(), &limits)?;
-                let cut = Searched { pictures, proposals }.as_proposed()?;
-                Ok((files, cut))
-            });
-            cut.await?
-        })
-        .await?;
-    let id = JobId::new();
-    let originals = sources.into_iter().enumerate().map(|(k, bytes)| (original(k), bytes));
-    let stored = async {
-        let Cut { content, files } = cut;
-        let files = originals.chain(versioned(1, files)).collect();
-        api.state.store.expect_bytes(id).await?;
-        upload::write_inputs(&api.state.bytes, id, files).await?;
-        let stays =
-            caller.limits.expires_in.map(|seconds| SignedDuration::from_secs(seconds.into()));
-        let page = NewPage {
-            id,
-            tenant: caller.tenant.clone(),
-            content: stored_content(&content)?,
-            bytes: api.state.bytes.stored(id).await?,
-            max_bytes: caller.limits.max_bytes,
-            expires_at: stays.map(|stays| Timestamp::now() + stays),
-        };
-        Ok(api.state.store.add_page(page).await?)
-    };
-    let stored: Result<StoredPage, Problem> = stored.await;
-    if stored.is_err()
-        && let Err(error) = api.state.bytes.delete_job(id).await
-    {
-        // The collector of ownerless bytes finds them later.
-        tracing::warn!(%id, %error, "files of a refused page stay for now");
-    }
-    let stored = stored?;
-    tracing::info!(%id, "page stored");
-    let mut response = (StatusCode::CREATED, answer(&stored)?).into_response();
-    let location = HeaderValue::from_str(&format!("/v1/pages/{id}"))
-        .map_err(|error| Problem::internal("location", &error))?;
-    response.headers_mut().insert(header::LOCATION, location);
-    Ok(response)
 }
 
 /// Get a page.
@@ -191,73 +107,28 @@ pub(super) async fn get(
     Ok(response)
 }
 
-/// Put a page right.
-///
-/// Takes the page's document with other boxes, azimuths, outlines, points or figures, as JSON or
-/// as the part `document` beside masks as parts `mask[N]`. Masks and previews are made anew. With
-/// `If-Match` only if nobody else changed it meanwhile.
+/// Change the name, labels and time to stay of a page.
 #[utoipa::path(
-    put,
+    patch,
     path = "/v1/pages/{id}",
-    operation_id = "replace_page",
+    operation_id = "patch_page",
     tag = "pages",
-    params(
-        ("id" = String, Path, format = "uuid", description = "The page"),
-        ("If-Match" = Option<String>, Header, description = "ETag of the version that was edited"),
-    ),
-    request_body(content = PageEdit, content_type = "application/json"),
+    params(("id" = String, Path, format = "uuid", description = "The page")),
+    request_body = Changes,
     responses(
         (status = 200, description = "As it is now", body = PageView, headers(("ETag" = String))),
-        ReplaceProblems,
+        PatchProblems,
     )
 )]
-pub(super) async fn replace(
+pub(super) async fn patch(
     State(api): State<Arc<Api>>,
     Extension(caller): Extension<Arc<Caller>>,
     id: PageId,
-    request: Request,
+    JsonBody(changes): JsonBody<Changes>,
 ) -> Result<Response, Problem> {
-    let id = id_of(id)?;
-    let stored = find(&api, &caller, id).await?;
-    let etag = version_of(&stored);
-    if is_unwanted(request.headers(), &etag) {
-        let detail = format!("the page is at version {}; get it again", stored.version);
-        return Err(Problem::new(PRECONDITION_FAILED, detail));
-    }
-    let (edit, masks, _hold) = read_edit(&api, &caller, request).await?;
-    let mut kept = Vec::new();
-    for (number, figure) in edit.figures.iter().enumerate() {
-        if figure.mask_given && !masks.contains_key(&number) {
-            kept.push((number, mask_of_version(&api, &stored, number).await?));
-        }
-    }
-    let mut files = Vec::new();
-    for number in 0.. {
-        match api.state.bytes.get(&Key::Input { job: id, name: &original(number) }).await {
-            Ok(bytes) => files.push(bytes),
-            Err(ByteError::NotFound(_)) => break,
-            Err(error) => return Err(Problem::unavailable("byte store", &error)),
-        }
-    }
-    let limits = api.limits;
-    let source_bytes: u64 = files.iter().map(|file| file.len() as u64).sum();
-    let cut = api.decoders.run(move || {
-        let given = decoded_masks(masks, kept, &limits.image)?;
-        let (pictures, proposals) = upload::search(&files, None, &limits)?;
-        Searched { pictures, proposals }.as_edited(edit.figures, given)
-    });
-    let Cut { content, files } = cut.await??;
-    let bytes = source_bytes + files.iter().map(|(_, file)| file.len() as u64).sum::<u64>();
-    let version = stored.version + 1;
-    let files = versioned(version, files).collect();
-    upload::write_inputs(&api.state.bytes, id, files).await?;
-    let content = stored_content(&content)?;
-    let replaced = api.state.store.replace_page(id, stored.version, content, bytes);
-    let stored = replaced.await.map_err(store_problem)?;
-    if let Err(error) = api.state.bytes.delete_inputs(id, &(version - 1).to_string()).await {
-        tracing::warn!(%id, %error, "files of a page's earlier version stay until it is deleted");
-    }
-    answer(&stored)
+    let stored = find(&api, &caller, id_of(id)?).await?;
+    let tags = changes.over(stored.tags, Timestamp::now())?;
+    answer(&api.state.store.tag_page(stored.id, &tags).await.map_err(store_problem)?)
 }
 
 /// Delete a page with its pictures.
@@ -361,72 +232,6 @@ fn inner_name(content: &PageContent, name: &str) -> Option<String> {
     pictures.chain(figures).find(|known| known == name)
 }
 
-async fn read_edit(
-    api: &Api,
-    caller: &Caller,
-    request: Request,
-) -> Result<(PageEdit, BTreeMap<usize, FilePart>, Option<tokio::sync::OwnedSemaphorePermit>), Problem>
-{
-    let media_type = request.headers().get(header::CONTENT_TYPE);
-    let is_json = media_type
-        .and_then(|value| value.to_str().ok())
-        .is_some_and(|value| value.trim_start().starts_with("application/json"));
-    if is_json {
-        let limit = api.limits.max_document_bytes;
-        let body = to_bytes(request.into_body(), limit).await.map_err(|_| {
-            let detail = format!("the document is over the limit of {limit} bytes, or ended early");
-            Problem::new(BODY_TOO_LARGE, detail)
-        })?;
-        return Ok((parse_edit(&Document::of(body, "document")?)?, BTreeMap::new(), None));
-    }
-    let read = upload::read_and(api, caller, request, async |form: EditForm| {
-        let Some(document) = form.document else {
-            let detail = "no document was sent; add it as the part `document`";
-            return Err(Problem::new(MISSING_PART, detail).part("document"));
-        };
-        Ok((parse_edit(&document)?, form.masks))
-    });
-    let ((edit, masks), hold) = read.await?;
-    Ok((edit, masks, hold))
-}
-
-fn parse_edit(document: &Document) -> Result<PageEdit, Problem> {
-    let edit: PageEdit = document.parse(INVALID_PAGE)?;
-    let most = ::page::PageOptions::default().max_figures;
-    if edit.figures.len() > most {
-        let detail = format!("the page has more than {most} figures; leave some out");
-        return Err(Problem::new(TOO_MANY_VIEWS, detail).part("document"));
-    }
-    Ok(edit)
-}
-
-/// The mask that was sent for the figure `number` of the version stored.
-async fn mask_of_version(api: &Api, page: &StoredPage, number: usize) -> Result<Bytes, Problem> {
-    let content = PageContent::of(page)?;
-    if !content.figures.get(number).is_some_and(|figure| figure.mask_given) {
-        let detail = format!(
-            "figures[{number}].mask_given is true, but no mask was sent for it; send it as the part `mask[{number}]`"
-        );
-        return Err(Problem::new(INVALID_PAGE, detail).part(format!("mask[{number}]")));
-    }
-    let name = format!("{}/{}", page.version, figure_file(number, "mask"));
-    api.state.bytes.get(&Key::Input { job: page.id, name: &name }).await.map_err(missing)
-}
-
-fn decoded_masks(
-    sent: BTreeMap<usize, FilePart>,
-    kept: Vec<(usize, Bytes)>,
-    limits: &picture::ImageLimits,
-) -> Result<BTreeMap<usize, GrayImage>, Problem> {
-    let sent = sent.into_iter().map(|(number, file)| (number, file.bytes));
-    let decode = |(number, bytes): (usize, Bytes)| {
-        let decoded = picture::decode(&bytes, limits)
-            .map_err(|error| image_problem(&format!("mask[{number}]"), &error))?;
-        Ok((number, cut::mask_of(decoded)))
-    };
-    sent.chain(kept).map(decode).collect()
-}
-
 /// Where the page's picture `number` is stored as it came.
 fn original(number: usize) -> String {
     format!("source/{number}")
@@ -448,5 +253,10 @@ fn answer(page: &StoredPage) -> Result<Response, Problem> {
 
 /// A strong tag, for edits must match it: pages are never compressed.
 fn version_of(page: &StoredPage) -> ETag {
-    format!("\"{}\"", page.version).parse().expect("a number in quotes is an ETag")
+    let StoredPage { version, tags_version, .. } = page;
+    let text = match tags_version {
+        0 => format!("\"{version}\""),
+        _ => format!("\"{version}.{tags_version}\""),
+    };
+    text.parse().expect("numbers in quotes are an ETag")
 }

@@ -28,7 +28,7 @@ pub(super) use page::{azimuth_part, search};
 pub(super) use page_forms::{EditForm, PageForm};
 pub(super) use parts::{FilePart, Parts};
 pub(super) use pictures::{Decoders, image_problem};
-pub(super) use terms::IDEMPOTENCY_KEY;
+pub(super) use terms::{IDEMPOTENCY_KEY, PageTerms, page_fingerprint};
 
 use std::future::Future;
 
@@ -272,10 +272,11 @@ async fn enqueue(api: &Api, upload: Upload, terms: &Terms) -> Result<Job, Proble
     result
 }
 
-fn idempotency_problem(error: StoreError) -> Problem {
+/// What a store that looks a key up answers, as a problem.
+pub(super) fn idempotency_problem(error: StoreError) -> Problem {
     match error {
         StoreError::NotFound(id) => {
-            let detail = format!("the job {id} that this key became is deleted; use another key");
+            let detail = format!("{id}, which this key became, is deleted; use another key");
             Problem::new(IDEMPOTENT_JOB_GONE, detail)
         }
         other => other.into(),

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use axum::extract::Query;
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, HeaderName};
+use bytes::Bytes;
 use jiff::Timestamp;
 use serde::Deserialize;
 use sha2::{Digest, Sha256};
@@ -34,6 +35,34 @@ pub(super) struct Terms {
     pub tags: Tags,
     /// Where the job's end is told, not yet checked.
     pub webhook: Option<String>,
+}
+
+/// What a request says of a new page.
+pub(in crate::http) struct PageTerms {
+    /// The client's name for the upload.
+    pub key: Option<String>,
+    pub tags: Tags,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PageParameters {
+    name: Option<String>,
+    labels: Option<String>,
+    expires_in: Option<i64>,
+    #[serde(default)]
+    pinned: bool,
+}
+
+impl PageTerms {
+    pub(in crate::http) fn of(head: &Parts) -> Result<Self, Problem> {
+        let Query(PageParameters { name, labels, expires_in, pinned }) =
+            Query::try_from_uri(&head.uri)
+                .map_err(|error| Problem::new(INVALID_QUERY, error.body_text()))?;
+        let expires_in = expires_in.or(Caller::of(head)?.limits.expires_in.map(i64::from));
+        let tags = tags::of_query(name, labels.as_deref(), expires_in, pinned, Timestamp::now())?;
+        Ok(Self { key: key(&head.headers)?, tags })
+    }
 }
 
 #[derive(Deserialize)]
@@ -87,26 +116,46 @@ fn key(headers: &HeaderMap) -> Result<Option<String>, Problem> {
 /// What tells this upload from another: all that is stored of it. Boundaries and
 /// the order of parts, which clients make anew each time, are no part of it.
 pub(super) fn fingerprint(upload: &Upload, priority: i32) -> String {
-    let mut hasher = Sha256::new();
-    // Lengths first, so that no two uploads run together to the same bytes.
-    let mut add = |bytes: &[u8]| {
-        hasher.update((bytes.len() as u64).to_le_bytes());
-        hasher.update(bytes);
-    };
-    add(upload.kind.as_bytes());
-    add(&priority.to_le_bytes());
-    add(upload.payload.to_string().as_bytes());
+    let mut print = Fingerprint::default();
+    print.add(upload.kind.as_bytes());
+    print.add(&priority.to_le_bytes());
+    print.add(upload.payload.to_string().as_bytes());
     let files = match &upload.inputs {
         Inputs::Uploaded(files) => files,
         Inputs::Copied { source, names, own } => {
-            add(source.to_string().as_bytes());
-            names.iter().for_each(|name| add(name.as_bytes()));
+            print.add(source.to_string().as_bytes());
+            names.iter().for_each(|name| print.add(name.as_bytes()));
             own
         }
     };
     for (name, bytes) in files {
-        add(name.as_bytes());
-        add(bytes);
+        print.add(name.as_bytes());
+        print.add(bytes);
     }
-    hex::encode(hasher.finalize())
+    print.text()
+}
+
+/// The same of a page: its pictures and the azimuths as they came.
+pub(in crate::http) fn page_fingerprint(pictures: &[Bytes], azimuths: Option<&str>) -> String {
+    let mut print = Fingerprint::default();
+    print.add(b"page");
+    print.add(azimuths.unwrap_or("auto").as_bytes());
+    pictures.iter().for_each(|bytes| print.add(bytes));
+    print.text()
+}
+
+#[derive(Default)]
+struct Fingerprint(Sha256);
+
+impl Fingerprint {
+    /// Lengths first, so that no two uploads run together to the same bytes.
+    fn add(&mut self, bytes: &[u8]) {
+        self.0.update((bytes.len() as u64).to_le_bytes());
+        self.0.update(bytes);
+    }
+
+    /// SHA-256, lower-case hexadecimal.
+    fn text(self) -> String {
+        hex::encode(self.0.finalize())
+    }
 }

@@ -7,6 +7,7 @@ mod faults;
 pub(crate) mod harness;
 mod links;
 mod matches;
+mod page_tags;
 mod page_uploads;
 mod pages;
 pub(crate) mod receiver;

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use jobs::{AccessStore, JobStore, PageStore, StoreError, TenantLimits, TenantName};
+use jobs::{AccessStore, JobStore, PageQuery, PageStore, StoreError, TenantLimits, TenantName};
 use reqwest::multipart::Form;
 use serde_json::Value;
 use tokio::runtime::Handle;
@@ -136,5 +136,8 @@ async fn room_is_made_where_that_is_set() {
     tokio::time::timeout(Duration::from_secs(60), gone).await.expect("no room was made");
     service.store.get(pinned).await.unwrap();
     service.store.get(new).await.unwrap();
-    assert_eq!(service.store.pages(&TenantName::default(), None, 9).await.unwrap(), []);
+    assert_eq!(
+        service.store.pages(&PageQuery::newest(TenantName::default(), 9)).await.unwrap(),
+        []
+    );
 }

@@ -3,13 +3,16 @@
 use async_trait::async_trait;
 use jiff::Timestamp;
 use serde_json::Value;
-use sqlx::{FromRow, Row as _};
+use sqlx::{FromRow, QueryBuilder, Row as _};
 
 use super::access::tenant_name;
-use super::rows::{json, optional_time, time};
-use super::{Connection, LOCK, Row, Store, backend, commit_error, ownerless, storage};
-use crate::pages::{NewPage, PageStore, StoredPage};
-use crate::{JobId, StoreError, TenantName};
+use super::rows::{flag, json, optional_time, time};
+use super::{
+    Connection, Db, LOCK, Row, Store, backend, commit_error, has_label, idempotency, ownerless,
+    storage,
+};
+use crate::pages::{NewPage, PageQuery, PageStore, StoredPage};
+use crate::{Idempotency, JobId, StoreError, Tags, TenantName};
 
 impl<'r> FromRow<'r, Row> for StoredPage {
     fn from_row(row: &'r Row) -> sqlx::Result<Self> {
@@ -19,9 +22,15 @@ impl<'r> FromRow<'r, Row> for StoredPage {
             tenant: tenant_name(row, "tenant")?,
             content: json(row, "content")?,
             version: row.try_get::<i64, _>("version")?.cast_unsigned(),
+            tags: Tags {
+                name: row.try_get("name")?,
+                labels: json(row, "labels")?,
+                expires_at: optional_time(row, "expires_ms")?,
+                pinned: flag(row, "pinned")?,
+            },
+            tags_version: row.try_get::<i64, _>("tags_version")?.cast_unsigned(),
             created_at: time(row, "created_ms")?,
             changed_at: time(row, "changed_ms")?,
-            expires_at: optional_time(row, "expires_ms")?,
         })
     }
 }
@@ -51,20 +60,29 @@ async fn select(
 #[async_trait]
 impl PageStore for Store {
     async fn add_page(&self, page: NewPage) -> Result<StoredPage, StoreError> {
-        let NewPage { id, tenant, content, bytes, max_bytes, expires_at } = page;
+        let NewPage { id, tenant, content, bytes, max_bytes, tags, idempotency: given } = page;
         let (mut transaction, now) = self.begin().await?;
+        if let Some(given) = &given {
+            if let Some(id) = idempotency::find(&mut transaction, &tenant, given, now.time).await? {
+                return load(&mut transaction, id).await;
+            }
+            idempotency::remember(&mut transaction, &tenant, given, id, now.time).await?;
+        }
         storage::expect_room(&mut transaction, &tenant, bytes, max_bytes).await?;
         sqlx::query(
             "INSERT INTO pages (id, tenant, content, version, created_ms, changed_ms, bytes,
-                 expires_ms)
-             VALUES ($1, $4, $2, 1, $3, $3, $5, $6)",
+                 expires_ms, name, labels, pinned)
+             VALUES ($1, $4, $2, 1, $3, $3, $5, $6, $7, $8, $9)",
         )
         .bind(id.to_string())
         .bind(content.to_string())
         .bind(now.time.as_millisecond())
         .bind(tenant.as_str())
         .bind(bytes.cast_signed())
-        .bind(expires_at.map(Timestamp::as_millisecond))
+        .bind(tags.expires_at.map(Timestamp::as_millisecond))
+        .bind(&tags.name)
+        .bind(serde_json::to_string(&tags.labels).map_err(backend)?)
+        .bind(i64::from(tags.pinned))
         .execute(&mut *transaction)
         .await
         .map_err(backend)?;
@@ -74,22 +92,36 @@ impl PageStore for Store {
         Ok(page)
     }
 
-    async fn pages(
+    async fn page_of_key(
         &self,
         tenant: &TenantName,
-        before: Option<JobId>,
-        limit: u32,
-    ) -> Result<Vec<StoredPage>, StoreError> {
-        sqlx::query_as(
-            "SELECT * FROM pages WHERE tenant = $1 AND ($2 IS NULL OR id < $2)
-             ORDER BY id DESC LIMIT $3",
-        )
-        .bind(tenant.as_str())
-        .bind(before.map(|id| id.to_string()))
-        .bind(i64::from(limit))
-        .fetch_all(self.readers())
-        .await
-        .map_err(backend)
+        given: &Idempotency,
+    ) -> Result<Option<StoredPage>, StoreError> {
+        let mut connection = self.readers().acquire().await.map_err(backend)?;
+        let now = self.present(&mut connection).await?.time;
+        match idempotency::find(&mut connection, tenant, given, now).await? {
+            Some(id) => Ok(Some(load(&mut connection, id).await?)),
+            None => Ok(None),
+        }
+    }
+
+    async fn pages(&self, query: &PageQuery) -> Result<Vec<StoredPage>, StoreError> {
+        let mut sql = QueryBuilder::<Db>::new("SELECT * FROM pages WHERE tenant = ");
+        sql.push_bind(query.tenant.as_str());
+        for (label, value) in &query.labels {
+            has_label(sql.push(" AND "), label, value);
+        }
+        if let Some(from) = query.created_from {
+            sql.push(" AND created_ms >= ").push_bind(from.as_millisecond());
+        }
+        if let Some(before) = query.created_before {
+            sql.push(" AND created_ms < ").push_bind(before.as_millisecond());
+        }
+        if let Some(before) = query.before {
+            sql.push(" AND id < ").push_bind(before.to_string());
+        }
+        sql.push(" ORDER BY id DESC LIMIT ").push_bind(i64::from(query.limit));
+        sql.build_query_as().fetch_all(self.readers()).await.map_err(backend)
     }
 
     async fn page(&self, id: JobId) -> Result<StoredPage, StoreError> {
@@ -117,6 +149,27 @@ impl PageStore for Store {
         .bind(content.to_string())
         .bind(now.time.as_millisecond())
         .bind(bytes.cast_signed())
+        .execute(&mut *transaction)
+        .await
+        .map_err(backend)?;
+        let page = load(&mut transaction, id).await?;
+        transaction.commit().await.map_err(commit_error)?;
+        Ok(page)
+    }
+
+    async fn tag_page(&self, id: JobId, tags: &Tags) -> Result<StoredPage, StoreError> {
+        let (mut transaction, now) = self.begin().await?;
+        lock(&mut transaction, id).await?;
+        sqlx::query(
+            "UPDATE pages SET name = $2, labels = $3, expires_ms = $4, pinned = $5,
+                 tags_version = tags_version + 1, changed_ms = $6 WHERE id = $1",
+        )
+        .bind(id.to_string())
+        .bind(&tags.name)
+        .bind(serde_json::to_string(&tags.labels).map_err(backend)?)
+        .bind(tags.expires_at.map(Timestamp::as_millisecond))
+        .bind(i64::from(tags.pinned))
+        .bind(now.time.as_millisecond())
         .execute(&mut *transaction)
         .await
         .map_err(backend)?;

@@ -271,7 +271,7 @@ where
     row.try_get::<Option<i64>, _>(column)?.map(T::try_from).transpose().map_err(decode)
 }
 
-fn flag(row: &Row, column: &'static str) -> sqlx::Result<bool> {
+pub(super) fn flag(row: &Row, column: &'static str) -> sqlx::Result<bool> {
     Ok(row.try_get::<i64, _>(column)? != 0)
 }
 

@@ -64,7 +64,7 @@ impl Store {
     async fn try_expire(&self) -> Result<Vec<JobId>, StoreError> {
         const JOBS: &str = "jobs WHERE state IN ('succeeded', 'failed', 'cancelled')
             AND (delete_requested = 1 OR (pinned = 0 AND expires_ms <= $1))";
-        const PAGES: &str = "pages WHERE expires_ms <= $1";
+        const PAGES: &str = "pages WHERE pinned = 0 AND expires_ms <= $1";
         let mut connection = self.readers().acquire().await.map_err(backend)?;
         let now_ms = self.present(&mut connection).await?.time.as_millisecond();
         let found = sqlx::AssertSqlSafe(format!(
@@ -98,7 +98,7 @@ impl Store {
                 "SELECT id, bytes FROM (
                      SELECT id, bytes, finished_ms AS at_ms FROM jobs
                      WHERE pinned = 0 AND state IN ('succeeded', 'failed', 'cancelled')
-                     UNION ALL SELECT id, bytes, changed_ms FROM pages) AS kept
+                     UNION ALL SELECT id, bytes, changed_ms FROM pages WHERE pinned = 0) AS kept
                  ORDER BY at_ms, id",
             )
             .fetch_all(&mut *transaction)
@@ -112,7 +112,7 @@ impl Store {
             for sql in [
                 // It may be pinned by now.
                 "DELETE FROM jobs WHERE id = $1 AND pinned = 0",
-                "DELETE FROM pages WHERE id = $1",
+                "DELETE FROM pages WHERE id = $1 AND pinned = 0",
             ] {
                 let delete = sqlx::query(sql).bind(&id).execute(&mut *transaction);
                 delete.await.map_err(backend)?;

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use jiff::SignedDuration;
-use jobs::{ArtifactEntry, Clock, JobId, NewJob, NewPage, StoreError, Tags, TenantName};
+use jobs::{ArtifactEntry, Clock, JobId, NewJob, NewPage, PageQuery, StoreError, Tags, TenantName};
 use serde_json::json;
 
 use crate::suite::{LEASE, Subject, new_page};
@@ -61,11 +61,12 @@ pub(crate) async fn pages_go_when_their_time_is_over(subject: &Subject) {
     let store = &subject.store;
     let hour = subject.clock.now() + SignedDuration::from_hours(1);
     let [short, long] = [JobId::new(), JobId::new()];
-    store.add_page(NewPage { expires_at: Some(hour), ..new_page(short, 1) }).await.unwrap();
+    let tags = Tags { expires_at: Some(hour), ..Tags::default() };
+    store.add_page(NewPage { tags, ..new_page(short, 1) }).await.unwrap();
     store.add_page(new_page(long, 1)).await.unwrap();
-    let tenant = TenantName::default();
     let listed = async |before, limit| -> Vec<JobId> {
-        let pages = store.pages(&tenant, before, limit).await.unwrap();
+        let newest = PageQuery::newest(TenantName::default(), limit);
+        let pages = store.pages(&PageQuery { before, ..newest }).await.unwrap();
         pages.into_iter().map(|page| page.id).collect()
     };
     assert_eq!(listed(None, 10).await, [long, short]);

@@ -1,7 +1,7 @@
 //! The suite that every implementation of `JobStore` passes. Each part gets an
 //! empty store and the clock that the store reads.
 
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -9,7 +9,7 @@ use jiff::Timestamp;
 use jobs::{
     AccessStore, ArtifactEntry, Claim, Clock, EarlierResult, Event, EventKind, Failure, Heartbeat,
     Idempotency, Job, JobCounts, JobId, JobState, JobStore, KeyText, ListQuery, ManualClock,
-    NewJob, NewKey, NewPage, Scope, StoreError, Tags, TenantLimits, TenantName,
+    NewJob, NewKey, NewPage, PageQuery, Scope, StoreError, Tags, TenantLimits, TenantName,
 };
 use serde_json::json;
 
@@ -141,6 +141,8 @@ pub(crate) async fn run<F: AsyncFn() -> Subject>(fresh: F) {
     bytes_are_ownerless_before_a_job_and_after_it(&fresh().await).await;
     changes_are_announced(&fresh().await).await;
     pages_change_one_version_at_a_time(&fresh().await).await;
+    pages_are_found_by_what_is_said_of_them(&fresh().await).await;
+    pages_sent_again_are_stored_once(&fresh().await).await;
     writers_at_the_same_time_leave_no_gap(&fresh().await).await;
     storage::stored_bytes_are_counted_and_bounded(&fresh().await).await;
     storage::pages_go_when_their_time_is_over(&fresh().await).await;
@@ -855,7 +857,8 @@ async fn changes_are_announced(subject: &Subject) {
 /// A page of the default tenant.
 pub(crate) fn new_page(id: JobId, bytes: u64) -> NewPage {
     let (tenant, content) = (TenantName::default(), json!({ "figures": [] }));
-    NewPage { id, tenant, content, bytes, max_bytes: None, expires_at: None }
+    let (tags, idempotency) = (Tags::default(), None);
+    NewPage { id, tenant, content, bytes, max_bytes: None, tags, idempotency }
 }
 
 async fn pages_change_one_version_at_a_time(subject: &Subject) {
@@ -878,6 +881,72 @@ async fn pages_change_one_version_at_a_time(subject: &Subject) {
         assert!(matches!(gone, Err(StoreError::NotFound(named)) if named == id), "{gone:?}");
     }
     assert!(matches!(store.delete_page(id).await, Err(StoreError::NotFound(_))));
+}
+
+async fn pages_are_found_by_what_is_said_of_them(subject: &Subject) {
+    let store = &subject.store;
+    let labels = |pairs: &[(&str, &str)]| -> BTreeMap<String, String> {
+        pairs.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned())).collect()
+    };
+    let [first, second] = [JobId::new(), JobId::new()];
+    let tags = Tags { labels: labels(&[("show", "7"), ("shot", "1")]), ..Tags::default() };
+    store.add_page(NewPage { tags, ..new_page(first, 1) }).await.unwrap();
+    let then = subject.clock.now();
+    subject.clock.advance(Duration::from_secs(60));
+    let tags = Tags { labels: labels(&[("show", "7")]), ..Tags::default() };
+    let added = store.add_page(NewPage { tags, ..new_page(second, 1) }).await.unwrap();
+    let newest = PageQuery::newest(TenantName::default(), 10);
+    let listed = async |query: PageQuery| -> Vec<JobId> {
+        store.pages(&query).await.unwrap().iter().map(|page| page.id).collect()
+    };
+    let of = |pairs| PageQuery { labels: labels(pairs), ..newest.clone() };
+    assert_eq!(listed(of(&[("show", "7")])).await, [second, first]);
+    assert_eq!(listed(of(&[("show", "7"), ("shot", "1")])).await, [first]);
+    assert_eq!(listed(of(&[("shot", "7")])).await, []);
+    let from = Some(subject.clock.now());
+    assert_eq!(listed(PageQuery { created_from: from, ..newest.clone() }).await, [second]);
+    assert_eq!(listed(PageQuery { created_before: from, ..newest.clone() }).await, [first]);
+
+    let name = Some("Ida, turned".to_owned());
+    let tags = Tags { name, expires_at: Some(then), pinned: true, ..Tags::default() };
+    let changed = store.tag_page(second, &tags).await.unwrap();
+    // Its files lie under its version, which stays.
+    assert_eq!((changed.version, changed.tags_version, added.tags_version), (1, 1, 0));
+    assert_eq!((&changed.tags, &store.page(second).await.unwrap()), (&tags, &changed));
+    let content = store.replace_page(second, 1, json!({}), 0).await.unwrap();
+    assert_eq!((content.version, content.tags_version, &content.tags), (2, 1, &tags));
+    // It is pinned: neither its time nor want of room takes it.
+    assert_eq!(store.expire().await.unwrap(), []);
+    assert_eq!(store.make_room(0).await.unwrap(), [first]);
+    store.tag_page(second, &Tags { pinned: false, ..tags.clone() }).await.unwrap();
+    assert_eq!(store.expire().await.unwrap(), [second]);
+    let gone = store.tag_page(second, &tags).await;
+    assert!(matches!(gone, Err(StoreError::NotFound(_))), "{gone:?}");
+}
+
+async fn pages_sent_again_are_stored_once(subject: &Subject) {
+    let store = &subject.store;
+    let given = |fingerprint: &str| {
+        let (key, fingerprint) = ("k".to_owned(), fingerprint.to_owned());
+        Some(Idempotency { key, fingerprint })
+    };
+    let id = JobId::new();
+    store.add_page(NewPage { idempotency: given("a"), ..new_page(id, 5) }).await.unwrap();
+    let again = NewPage { idempotency: given("a"), ..new_page(JobId::new(), 5) };
+    assert_eq!(store.add_page(again).await.unwrap().id, id);
+    let tenant = TenantName::default();
+    let known = store.page_of_key(&tenant, &given("a").unwrap()).await.unwrap();
+    assert_eq!(known.map(|page| page.id), Some(id));
+    let other = NewPage { idempotency: given("b"), ..new_page(JobId::new(), 5) };
+    assert!(matches!(store.add_page(other).await, Err(StoreError::OtherUpload(_))));
+    // No job takes the key of a page.
+    let job = NewJob::new(JobId::new(), "test", json!({}), 1);
+    let job = store.enqueue(NewJob { idempotency: given("b"), ..job }).await;
+    assert!(matches!(job, Err(StoreError::OtherUpload(_))), "{job:?}");
+    assert_eq!(store.stored_bytes(None).await.unwrap(), 5);
+    subject.clock.advance(Duration::from_secs(24 * 3600 + 1));
+    let next = NewPage { idempotency: given("b"), ..new_page(JobId::new(), 5) };
+    assert_ne!(store.add_page(next).await.unwrap().id, id);
 }
 
 async fn writers_at_the_same_time_leave_no_gap(subject: &Subject) {
