@@ -18,6 +18,13 @@ const MOST_BYTES = 512 * 1024 * 1024;
 const last = (path: string) => path.replace(/^.*[/\\]/, "");
 const isHidden = (path: string) => /(^|[/\\])(\.|__MACOSX)/.test(path);
 
+/** What a page is called: its file's name, as far as the service takes it. */
+export function pageName(file: string): string {
+  // 200 bytes at most, and letters of up to four.
+  const plain = last(file).replace(/\p{Cc}/gu, " ").trim();
+  return [...plain].slice(0, 50).join("");
+}
+
 /** Sorts files, those of folders and archives included. */
 export function sortFiles(files: File[]): Dropped {
   const seen = files.filter((file) => !isHidden(file.webkitRelativePath || file.name));

@@ -1,0 +1,171 @@
+// What is put right by hand reaches the service: places and marks of figures,
+// matches of pairs; and what is found again from the start.
+import { type Page, expect, test } from "@playwright/test";
+import { accessible, api, base, fileOf, finished, give, open, sheet } from "./help";
+
+interface Figure {
+  axis_x: number | null;
+  ground_y: number | null;
+  elevation_deg: number;
+  erase: number[][][];
+  attach: number[][];
+  holes: number[][];
+}
+
+const idOf = (page: Page) => /(?:page|job)\/(.*)$/.exec(page.url())?.[1] ?? "";
+
+async function openPage(page: Page) {
+  const errors = await open(page);
+  await give(page, [await fileOf(await sheet("0,45,90,180"), "page.png")]);
+  await page.waitForURL(/#\/page\//);
+  await expect(page.getByRole("button", { name: /^Figure \d at/ })).toHaveCount(4);
+  return errors;
+}
+
+const figureOf = async (page: Page, number: number) =>
+  (await api<{ figures: Figure[] }>(`v1/pages/${idOf(page)}`)).figures[number] as Figure;
+
+test("axis, ground, elevation and marks reach the document", async ({ page }) => {
+  const errors = await openPage(page);
+  // The axis by keys.
+  const axis = page.getByRole("slider", { name: "Turning axis of figure 1, column" });
+  const column = Number(await axis.getAttribute("aria-valuenow"));
+  await axis.press("ArrowRight");
+  await expect.poll(async () => (await figureOf(page, 0)).axis_x).toBeCloseTo(column + 5, -1);
+  // The ground by the pointer.
+  const ground = page.getByRole("slider", { name: "Ground of figure 1, row" });
+  const line = await ground.boundingBox();
+  if (!line) throw new Error("no ground line");
+  const row = Number(await ground.getAttribute("aria-valuenow"));
+  const [x, y] = [line.x + line.width * 0.9, line.y + line.height / 2];
+  await page.mouse.move(x, y);
+  await page.mouse.down();
+  await page.mouse.move(x, y + 12, { steps: 3 });
+  await page.mouse.up();
+  await expect.poll(async () => (await figureOf(page, 0)).ground_y ?? 0).toBeGreaterThan(row + 3);
+
+  // An area is erased by clicks, ended by its button.
+  await page.getByRole("button", { name: "Erase an area" }).click();
+  const canvas = page.getByRole("application", { name: /Figure 1: Erase an area/ });
+  await accessible(page, "erasing");
+  const box = await page.getByRole("button", { name: "Figure 1 at 0 degrees" }).boundingBox();
+  const whole = await canvas.boundingBox();
+  if (!box || !whole) throw new Error("no box");
+  const at = (fx: number, fy: number) => ({
+    x: box.x - whole.x + box.width * fx,
+    y: box.y - whole.y + box.height * fy,
+  });
+  for (const position of [at(0.05, 0.05), at(0.3, 0.05), at(0.3, 0.2)]) await canvas.click({ position });
+  await expect(page.getByText("3 so far")).toBeVisible();
+  await page.getByRole("button", { name: "End the area" }).click();
+  await expect(page.getByText("Erased area 1").first()).toBeVisible();
+  await expect.poll(async () => (await figureOf(page, 0)).erase[0]?.length).toBe(3);
+
+  // A hole by keys alone.
+  await page.getByRole("button", { name: "Mark a hole" }).click();
+  const marking = page.getByRole("application", { name: /Figure 1: Mark a hole/ });
+  await marking.press("ArrowDown");
+  await marking.press("Space");
+  await expect.poll(async () => (await figureOf(page, 0)).holes.length).toBe(1);
+  await page.getByRole("button", { name: "Attach a piece" }).click();
+  await page.getByRole("application", { name: /Figure 1: Attach a piece/ }).press("Space");
+  await expect.poll(async () => (await figureOf(page, 0)).attach.length).toBe(1);
+  await accessible(page, "marked");
+  await page.getByRole("button", { name: "Remove Hole 1" }).click();
+  await expect.poll(async () => (await figureOf(page, 0)).holes.length).toBe(0);
+
+  // The last one is seen from above.
+  await page.getByRole("button", { name: "Move boxes" }).click();
+  await page.getByRole("button", { name: /^Figure 4 · / }).click();
+  await page.getByRole("button", { name: "From above" }).click();
+  await expect.poll(async () => (await figureOf(page, 3)).elevation_deg).toBe(90);
+  const { sheet: made } = await api<{ sheet: { views: { axis_x?: number; elevation_deg?: number }[] } }>(
+    `v1/pages/${idOf(page)}`,
+  );
+  expect(made.views[0]?.axis_x).toBeGreaterThan(0);
+  expect(made.views[3]?.elevation_deg).toBe(90);
+  expect(errors).toEqual([]);
+});
+
+test("pages are found again, and files are linked to", async ({ page, context, request }) => {
+  await openPage(page);
+  const id = idOf(page);
+  await page.goto(base());
+  await expect(page.getByRole("heading", { name: "Recent pages" })).toBeVisible();
+  await accessible(page, "pages");
+  await page.locator(`a[href="#/page/${id}"]`).click();
+  await expect(page.getByRole("button", { name: /^Figure \d at/ })).toHaveCount(4);
+
+  await context.grantPermissions(["clipboard-read", "clipboard-write"]);
+  await page.goto(`${base()}#/job/${await finished()}`);
+  await page.getByRole("button", { name: "Copy link solid.glb" }).click();
+  await expect(page.getByRole("button", { name: "Copied solid.glb" })).toBeVisible();
+  const link = await page.evaluate(() => navigator.clipboard.readText());
+  const answer = await request.get(link);
+  expect((await answer.body()).subarray(0, 4).toString()).toBe("glTF");
+});
+
+/** A finished job of the method with matches. */
+async function matched(): Promise<string> {
+  const azimuths = [0, 5, 10];
+  const id = await sheet(azimuths.join(","));
+  const form = new FormData();
+  for (const azimuth of azimuths) {
+    const file = await fileOf(id, `view_${String(azimuth).padStart(3, "0")}.png`);
+    form.append(`view[${azimuth}]`, new Blob([new Uint8Array(file.buffer)]), file.name);
+  }
+  form.append("method", "uncalibrated");
+  let job = await api<{ id: string; state: string; failure: unknown }>("v1/reconstructions", { method: "POST", body: form });
+  while (job.state === "queued" || job.state === "running") {
+    job = await api(`v1/reconstructions/${job.id}`, { headers: { Prefer: "wait=20" } });
+  }
+  expect(job.state, JSON.stringify(job.failure)).toBe("succeeded");
+  return job.id;
+}
+
+interface Told {
+  matches: { left: number[]; right: number[] }[];
+}
+
+test("matches are corrected and run again", async ({ page }) => {
+  const id = await matched();
+  const errors = await open(page, `#/job/${id}`);
+  const pair = (job: string) => api<Told>(`v1/reconstructions/${job}/artifacts/pairs/0-5/matches.json`);
+  const before = (await pair(id)).matches;
+  await expect(page.getByText(`of ${before.length}`)).toBeVisible();
+  await expect(page.getByRole("button", { name: "Run again with these matches" })).toBeDisabled();
+  await accessible(page, "matches");
+
+  // One is taken away, one moved by the pointer, one made by keys.
+  await page.getByRole("spinbutton", { name: "Match" }).fill("2");
+  await page.keyboard.press("Tab");
+  await page.getByRole("button", { name: "Remove it" }).click();
+  await expect(page.getByText(`of ${before.length - 1}`)).toBeVisible();
+  await page.getByRole("spinbutton", { name: "Match" }).fill("1");
+  await page.keyboard.press("Tab");
+  const end = page.getByRole("button", { name: /^Match 1, left end/ });
+  const name = await end.getAttribute("aria-label");
+  await end.scrollIntoViewIfNeeded();
+  const place = await end.boundingBox();
+  if (!place) throw new Error("no end");
+  await page.mouse.move(place.x + place.width / 2, place.y + place.height / 2);
+  await page.mouse.down();
+  await page.mouse.move(place.x + place.width / 2 + 20, place.y + place.height / 2 + 5, { steps: 4 });
+  await page.mouse.up();
+  await expect(end).not.toHaveAttribute("aria-label", name ?? "");
+  await page.getByRole("button", { name: "Add a match" }).click();
+  const added = page.getByRole("button", { name: new RegExp(`^Match ${before.length}, right end`) });
+  await added.press("ArrowRight");
+  await expect(added).toHaveAttribute("aria-label", /column 484/);
+  await accessible(page, "matches changed");
+
+  await page.getByRole("button", { name: "Run again with these matches" }).click();
+  await expect(page).not.toHaveURL(new RegExp(id));
+  await expect(page.getByTestId("state")).toHaveText("Done", { timeout: 90_000 });
+  const now = (await pair(idOf(page))).matches;
+  expect(now.length).toBe(before.length);
+  expect(now.some((one) => one.right[0] === 484 && one.left[0] === 480)).toBe(true);
+  const second = JSON.stringify(before[1]?.left);
+  expect(now.some((one) => JSON.stringify(one.left) === second)).toBe(false);
+  expect(errors).toEqual([]);
+});
