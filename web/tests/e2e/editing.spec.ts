@@ -22,6 +22,15 @@ async function openPage(page: Page) {
   return errors;
 }
 
+/** Dark and as narrow as a phone: nothing sticks out, nothing is hard to read. */
+async function narrow(page: Page, state: string) {
+  await page.emulateMedia({ colorScheme: "dark" });
+  await page.setViewportSize({ width: 390, height: 844 });
+  const wide = await page.evaluate(() => document.documentElement.scrollWidth);
+  expect(wide, state).toBeLessThanOrEqual(390);
+  await accessible(page, `${state}, dark and narrow`);
+}
+
 const figureOf = async (page: Page, number: number) =>
   (await api<{ figures: Figure[] }>(`v1/pages/${idOf(page)}`)).figures[number] as Figure;
 
@@ -84,6 +93,8 @@ test("axis, ground, elevation and marks reach the document", async ({ page }) =>
   );
   expect(made.views[0]?.axis_x).toBeGreaterThan(0);
   expect(made.views[3]?.elevation_deg).toBe(90);
+  await page.getByRole("button", { name: "Draw the outline" }).click();
+  await narrow(page, "marks");
   expect(errors).toEqual([]);
 });
 
@@ -165,6 +176,8 @@ test("matches are corrected and run again", async ({ page }) => {
   const now = (await pair(idOf(page))).matches;
   expect(now.length).toBe(before.length);
   expect(now.some((one) => one.right[0] === 484 && one.left[0] === 480)).toBe(true);
+  await expect(page.getByRole("button", { name: /^Match 1, left end/ })).toBeVisible();
+  await narrow(page, "matches");
   const second = JSON.stringify(before[1]?.left);
   expect(now.some((one) => JSON.stringify(one.left) === second)).toBe(false);
   expect(errors).toEqual([]);

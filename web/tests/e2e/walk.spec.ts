@@ -131,7 +131,7 @@ test("a silhouette painted by hand is the one that is used", async ({ page }) =>
   const canvas = page.getByRole("application", { name: /The figure with its silhouette/ });
   await expect(canvas).toBeVisible();
   await accessible(page, "painting");
-  await page.getByRole("button", { name: "Erase" }).click();
+  await page.getByRole("button", { name: "Erase", exact: true }).click();
   await canvas.focus();
   await page.keyboard.press("Space");
   await page.getByRole("button", { name: "Use this silhouette" }).click();
