@@ -10,7 +10,7 @@ export type Dropped =
   | { kind: "nothing"; why: "empty" | "unknown" | "models" | "zip"; names: string[] };
 
 const MODEL = /\.(glb|gltf|obj|ply|stl)$/i;
-const PICTURE = /\.(png|jpe?g|webp|tiff?|gif)$/i;
+const PICTURE = /\.(png|jpe?g|webp|tiff?|gif|svg)$/i;
 const ZIP = /\.zip$/i;
 /** More than this unpacked is no sheet. */
 const MOST_BYTES = 512 * 1024 * 1024;

@@ -37,6 +37,8 @@ describe("angles", () => {
 describe("what is dropped", () => {
   it("is sorted by kind", () => {
     expect(sortFiles([file("sheet.png")]).kind).toBe("page");
+    // A vector drawing is a picture too.
+    expect(sortFiles([file("sheet.svg")]).kind).toBe("page");
     expect(sortFiles([file("b10.png"), file("b2.png"), file("notes.txt")])).toMatchObject({
       kind: "views",
       files: [{ name: "b2.png" }, { name: "b10.png" }],
