@@ -85,7 +85,11 @@ pub(super) async fn of_page(
     if let (Some((width, height)), 1) = (sizes.first(), sizes.len()) {
         (document.width, document.height) = (Some(*width), Some(*height));
     }
-    document.views.sort_by(|a, b| a.azimuth_deg.total_cmp(&b.azimuth_deg));
+    let angles = |view: &ViewDocument| (view.azimuth_deg, view.elevation_deg.unwrap_or(0.0));
+    document.views.sort_by(|a, b| {
+        let ((a, a_raised), (b, b_raised)) = (angles(a), angles(b));
+        a.total_cmp(&b).then(a_raised.total_cmp(&b_raised))
+    });
     let document = completed(api, document, parts, None, "page").await?;
     Ok((id, document))
 }

@@ -1,9 +1,11 @@
 //! What people say of pages, as of jobs, and of their figures' places.
 
+use jobs::JobStore;
 use reqwest::multipart::Form;
 use reqwest::{Response, StatusCode};
 use serde_json::{Value, json};
 use sheet::SheetDocument;
+use turnaround::kinds::ReconstructionPayload;
 
 use super::harness::{Service, file, problem};
 use super::page_uploads::page;
@@ -166,6 +168,17 @@ async fn places_by_hand_reach_the_sheet() {
         (hole.elevation_deg, hole.x, hole.y),
         (Some(90.0), middle[0] - left, middle[1] - top)
     );
+    // What is seen is what a job takes.
+    let level = edited(json!({"axis_x": axis, "holes": [middle], "azimuth_deg": 90}));
+    assert_eq!(put(level).await.unwrap().status(), StatusCode::OK);
+    let form = Form::new().text("page", page["id"].as_str().unwrap().to_owned());
+    let queued = service.upload(form).await;
+    assert_eq!(queued.status(), StatusCode::ACCEPTED, "{}", queued.text().await.unwrap());
+    let queued: Value = queued.json().await.unwrap();
+    let job = service.store.get(queued["id"].as_str().unwrap().parse().unwrap()).await.unwrap();
+    let payload: ReconstructionPayload = serde_json::from_value(job.payload).unwrap();
+    assert_eq!(payload.document.holes.len(), 1);
+    assert!(payload.document.views.iter().any(|view| view.axis_x == Some(axis - left)));
     for (changes, kind, told) in [
         (json!({"axis_x": 100_000}), "invalid-page", "axis_x is 100000"),
         (json!({"ground_y": -1}), "invalid-page", "ground_y is -1"),
