@@ -140,16 +140,7 @@ impl<S: Send + Sync> FromRequestParts<S> for Listing {
 /// The job that is asked for, if it is an `R` of the tenant that asks. Others
 /// are told nothing, not even that it is there.
 pub(super) async fn find<R: Resource>(api: &Api, asked: &OwnedId) -> Result<Job, Problem> {
-    owned::<R>(api.state.store.get(asked.id).await, asked)
-}
-
-/// The same but for the job's artifacts, which its status does without.
-pub(super) async fn find_status<R: Resource>(api: &Api, asked: &OwnedId) -> Result<Job, Problem> {
-    owned::<R>(api.state.store.status(asked.id).await, asked)
-}
-
-fn owned<R: Resource>(found: Result<Job, StoreError>, asked: &OwnedId) -> Result<Job, Problem> {
-    let job = found.map_err(store_problem::<R>)?;
+    let job = api.state.store.get(asked.id).await.map_err(store_problem::<R>)?;
     let is_theirs = job.kind == R::KIND && job.tenant == asked.caller.tenant;
     if is_theirs { Ok(job) } else { Err(unknown::<R>(asked.id)) }
 }
@@ -276,7 +267,7 @@ pub(super) async fn get<R: Resource>(
     };
     let job = match wait {
         Some(wait) => wait_until::<R>(api, &asked, wait, is_reached).await?,
-        None => find_status::<R>(api, &asked).await?,
+        None => find::<R>(api, &asked).await?,
     };
     let mut response = unless_known(headers, &job, || R::View::from(&job));
     let answer = response.headers_mut();

@@ -8,7 +8,7 @@ use tokio::time::Instant;
 
 use super::Api;
 use super::problem::Problem;
-use super::resource::{OwnedId, Resource, find_status};
+use super::resource::{OwnedId, Resource, find};
 use jobs::{Job, JobChange, JobId};
 
 /// How often a job is looked at whose changes nobody announces, such as those
@@ -47,7 +47,7 @@ impl Watch {
     }
 }
 
-/// The job, without its artifacts, once `is_reached` holds of it, or as it is at the end of `wait`.
+/// The job once `is_reached` holds of it, or as it is at the end of `wait`.
 pub(super) async fn wait_until<R: Resource>(
     api: &Api,
     asked: &OwnedId,
@@ -57,7 +57,7 @@ pub(super) async fn wait_until<R: Resource>(
     let deadline = Instant::now() + wait;
     let mut watch = Watch::new(api, asked.id);
     loop {
-        let job = find_status::<R>(api, asked).await?;
+        let job = find::<R>(api, asked).await?;
         let is_over = Instant::now() >= deadline || api.state.shutdown.is_cancelled();
         if is_over || is_reached(&job) {
             return Ok(job);

@@ -135,10 +135,6 @@ pub trait JobStore: PageStore + WebhookStore + StorageStore {
     /// The job as it is now.
     async fn get(&self, id: JobId) -> Result<Job, StoreError>;
 
-    /// The job as it is now but for its artifacts, which a status does without: their list is
-    /// longer than all else of a job together.
-    async fn status(&self, id: JobId) -> Result<Job, StoreError>;
-
     /// Part of the jobs that `query` is about, newest first.
     async fn list(&self, query: &ListQuery) -> Result<Page, StoreError>;
 

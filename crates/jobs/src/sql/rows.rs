@@ -82,22 +82,6 @@ pub(super) async fn load(connection: &mut Connection, id: JobId) -> Result<Recor
     record(row.as_ref())?.ok_or(StoreError::NotFound(id))
 }
 
-/// Loads a job without its artifacts.
-pub(super) async fn load_status(
-    connection: &mut Connection,
-    id: JobId,
-) -> Result<Record, StoreError> {
-    let row = sqlx::query(
-        "SELECT id, tenant, kind, priority, payload, state, attempt, attempts_used, max_attempts,
-             troubles, cancel_requested, worker, boot, lease_until_ms, not_before_ms, progress,
-             failure, '[]' AS artifacts, summary, name, labels, expires_ms, pinned, webhook,
-             created_ms, started_ms, finished_ms, version, reused_from, request_id
-         FROM jobs WHERE id = $1",
-    );
-    let row = row.bind(id.to_string()).fetch_optional(connection).await.map_err(backend)?;
-    record(row.as_ref())?.ok_or(StoreError::NotFound(id))
-}
-
 /// Loads a job that nobody else may change until the transaction ends.
 pub(super) async fn lock(connection: &mut Connection, id: JobId) -> Result<Record, StoreError> {
     find(connection, &id.to_string()).await?.ok_or(StoreError::NotFound(id))

@@ -111,11 +111,6 @@ impl JobStore for Store {
         Ok(rows::load(&mut connection, id).await?.job)
     }
 
-    async fn status(&self, id: JobId) -> Result<Job, StoreError> {
-        let mut connection = self.readers().acquire().await.map_err(backend)?;
-        Ok(rows::load_status(&mut connection, id).await?.job)
-    }
-
     async fn list(&self, query: &ListQuery) -> Result<Page, StoreError> {
         let limit = query.limit.max(1);
         let mut sql = QueryBuilder::<Db>::new("SELECT * FROM jobs WHERE true");

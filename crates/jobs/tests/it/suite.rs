@@ -181,8 +181,6 @@ async fn a_job_goes_from_queued_to_succeeded(subject: &Subject) {
     let done = subject.get(job.id).await;
     assert_eq!((state, done.state), (JobState::Succeeded, JobState::Succeeded));
     assert_eq!(done.artifacts, artifacts());
-    let status = store.status(job.id).await.unwrap();
-    assert_eq!(status, Job { artifacts: Vec::new(), ..done.clone() });
     assert_eq!((done.finished_at, done.failure), (Some(subject.clock.now()), None));
     assert_eq!(store.depth().await.unwrap(), (0, 0));
     let counts = JobCounts { succeeded: 1, ..JobCounts::default() };
@@ -877,7 +875,6 @@ async fn pages_change_one_version_at_a_time(subject: &Subject) {
     assert_eq!(store.page(id).await.unwrap(), changed);
     // No job, and claimed by nobody.
     assert!(matches!(store.get(id).await, Err(StoreError::NotFound(_))));
-    assert!(matches!(store.status(id).await, Err(StoreError::NotFound(_))));
     assert!(subject.claim().await.is_none());
     store.delete_page(id).await.unwrap();
     for gone in [store.page(id).await, store.replace_page(id, 2, json!({}), 0).await] {
