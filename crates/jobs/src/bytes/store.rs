@@ -4,17 +4,19 @@ use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io;
 use std::ops::Range;
+use std::os::unix::fs::FileExt;
 use std::path::{Path as FilePath, PathBuf};
 use std::sync::Arc;
 
 use bytes::Bytes;
 use futures::stream::BoxStream;
-use futures::{StreamExt, TryStreamExt};
+use futures::{StreamExt, TryStreamExt, stream};
 use jiff::Timestamp;
 use object_store::local::LocalFileSystem;
 use object_store::path::Path;
 use object_store::{
-    GetOptions, GetRange, ObjectStore, ObjectStoreExt, PutMode, PutPayload, WriteMultipart,
+    GetOptions, GetRange, GetResultPayload, ObjectStore, ObjectStoreExt, PutMode, PutPayload,
+    WriteMultipart,
 };
 
 use super::key::{self, InvalidName, Key};
@@ -62,6 +64,28 @@ impl From<ByteError> for io::Error {
         };
         Self::new(kind, error)
     }
+}
+
+/// What is read at once of a file: each piece waits for another thread.
+const READ_BYTES: usize = 256 << 10;
+
+/// The bytes of a range that lies within the file.
+fn chunks_of(file: File, range: Range<u64>) -> BoxStream<'static, Result<Bytes, ByteError>> {
+    let next = move |(file, at): (File, u64)| async move {
+        if at >= range.end {
+            return Ok(None);
+        }
+        let left = usize::try_from(range.end - at).unwrap_or(READ_BYTES);
+        let reading = tokio::task::spawn_blocking(move || {
+            let mut bytes = vec![0; left.min(READ_BYTES)];
+            file.read_exact_at(&mut bytes, at)?;
+            io::Result::Ok((Bytes::from(bytes), file))
+        });
+        let (bytes, file) = reading.await.map_err(backend)?.map_err(backend)?;
+        let at = at + bytes.len() as u64;
+        Ok(Some((bytes, (file, at))))
+    };
+    stream::try_unfold((file, range.start), next).boxed()
 }
 
 /// Bytes on their way out.
@@ -202,8 +226,12 @@ impl ByteStore {
         }
         let options = GetOptions { range: range.map(GetRange::Bounded), ..GetOptions::default() };
         let found = self.store.get_opts(&path, options).await.map_err(from_store)?;
-        let (size, range) = (found.meta.size, found.range.clone());
-        Ok(ByteRange { size, range, chunks: found.into_stream().map_err(from_store).boxed() })
+        let (size, range) = (found.meta.size, found.range);
+        let chunks = match found.payload {
+            GetResultPayload::File(file, _) => chunks_of(file, range.clone()),
+            GetResultPayload::Stream(chunks) => chunks.map_err(from_store).boxed(),
+        };
+        Ok(ByteRange { size, range, chunks })
     }
 
     /// Size of what is stored under `key`.
