@@ -34,7 +34,9 @@ pub(super) fn run(run: &Run<'_>, delivery: Delivery<'_>) -> Result<Summary, Draf
     let draft =
         pool.install(|| turntable::reconstruct(sheet, &document.holes, own, &reconstructing))?;
     timed.computed();
-    let redrawn = pool.install(|| redraw(&draft));
+    let (redrawn, quads) = pool
+        .install(|| rayon::join(|| redraw(&draft), || draft.quads(&own.solid, &reconstructing)));
+    let quads = quads?;
     let mut found = metrics::measure(&draft, &redrawn, own);
     let said = preparation.map_or(&[][..], |done| &done.warnings);
     found.warnings.splice(0..0, said.iter().cloned());
@@ -60,7 +62,7 @@ pub(super) fn run(run: &Run<'_>, delivery: Delivery<'_>) -> Result<Summary, Draf
     })?;
     let cleaned = Files { artifacts: cleaned(&draft, document, options)?, ..Files::default() };
     exporter.take(cleaned)?;
-    exporter.take(model_files(&draft, &placement, &frames, own.reference_planes)?)?;
+    exporter.take(model_files(&draft, &quads, &placement, &frames, own.reference_planes)?)?;
     exporter.unit_done("mesh")?;
     for name in [ArtifactName::Cloud, ArtifactName::Hull] {
         exporter.take(Files::none(name, "the method turntable makes solid.glb instead"))?;

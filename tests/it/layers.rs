@@ -16,6 +16,7 @@ const PURE: &[&str] = &[
     "picture",
     "prior",
     "progress",
+    "remesh",
     "sheet",
     "study",
     "subject",

@@ -85,9 +85,17 @@ pub enum ArtifactName {
     Hull,
     /// The turntable method's surface; vertex colours say what it rests on.
     Solid,
-    /// The same, quads where they fit.
+    /// The same as even quads, Wavefront OBJ.
     SolidObj,
-    /// The same as triangles, binary STL, millimetres.
+    /// The material of those quads.
+    SolidMtl,
+    /// Their texture and that of the textured model.
+    Texture,
+    /// The turntable method's surface in about 2000 triangles.
+    LowPoly2000,
+    /// The same in about 500.
+    LowPoly500,
+    /// The turntable method's surface as triangles, binary STL, millimetres.
     SolidStl,
     /// The same as triangles, 3MF, millimetres.
     SolidThreeMf,
@@ -120,6 +128,7 @@ impl ArtifactName {
             )
             | Self::Pair(_, _, PairArtifact::MatchesPng | PairArtifact::RectifiedPng)
             | Self::Clean(CleanArtifact::Page | CleanArtifact::View(_) | CleanArtifact::Mask(_))
+            | Self::Texture
             | Self::Thumbnail => "image/png",
             Self::View(_, DisparityPfm | DepthPfm) => PFM_MEDIA_TYPE,
             Self::Pair(_, _, PairArtifact::MatchesJson)
@@ -127,8 +136,14 @@ impl ArtifactName {
             | Self::Metrics
             | Self::Timings => "application/json",
             Self::Cloud => "model/ply",
-            Self::Hull | Self::Solid | Self::Textured | Self::Relief => "model/gltf-binary",
+            Self::Hull
+            | Self::Solid
+            | Self::LowPoly2000
+            | Self::LowPoly500
+            | Self::Textured
+            | Self::Relief => "model/gltf-binary",
             Self::SolidObj => "model/obj",
+            Self::SolidMtl => "model/mtl",
             Self::SolidStl => "model/stl",
             Self::SolidThreeMf => "model/3mf",
             Self::Bundle => "application/zip",
@@ -169,6 +184,10 @@ impl fmt::Display for ArtifactName {
             Self::Hull => f.write_str("hull.glb"),
             Self::Solid => f.write_str("solid.glb"),
             Self::SolidObj => f.write_str("solid.obj"),
+            Self::SolidMtl => f.write_str("solid.mtl"),
+            Self::Texture => f.write_str("texture.png"),
+            Self::LowPoly2000 => f.write_str("low_2000.glb"),
+            Self::LowPoly500 => f.write_str("low_500.glb"),
             Self::SolidStl => f.write_str("solid.stl"),
             Self::SolidThreeMf => f.write_str("solid.3mf"),
             Self::Textured => f.write_str("textured.glb"),

@@ -1,4 +1,4 @@
-//! Triangles joined to quads, as modellers prefer them.
+//! Triangles joined to quads.
 
 use std::collections::HashMap;
 
@@ -14,18 +14,87 @@ pub enum Face {
     Quad([u32; 4]),
 }
 
-/// Triangles that turn more than this against each other stay apart, degrees.
-const MAX_TURN_DEG: f64 = 25.0;
-/// The cosine of a quad's corner that is too far from a right angle.
-const MAX_CORNER_COSINE: f64 = 0.9;
+impl Face {
+    /// The indices of its vertices.
+    pub fn corners(&self) -> &[u32] {
+        match self {
+            Self::Triangle(corners) => corners,
+            Self::Quad(corners) => corners,
+        }
+    }
+}
 
-/// Joins neighbouring triangles to quads, the squarest and flattest first.
-pub fn quad_dominant(mesh: &Mesh) -> Vec<Face> {
+/// Which triangles may be joined.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct JoinLimits {
+    /// How much they may turn against each other, degrees.
+    pub max_turn_deg: f64,
+    /// The largest cosine of a quad's corner: how far it may be from a right angle.
+    pub max_corner_cosine: f64,
+}
+
+/// Triangles that could be one quad.
+struct Pair {
+    triangles: [usize; 2],
+    corners: [u32; 4],
+}
+
+/// Joins neighbouring triangles to quads, the squarest and flattest first; then pairs change
+/// partners along paths of three where that joins two triangles more.
+pub fn joined(mesh: &Mesh, limits: &JoinLimits) -> Vec<Face> {
+    let pairs = pairs(mesh, limits);
+    let mut of_triangle = vec![Vec::new(); mesh.triangles.len()];
+    for (index, pair) in pairs.iter().enumerate() {
+        pair.triangles.iter().for_each(|&triangle| of_triangle[triangle].push(index));
+    }
+    let mut matched: Vec<Option<usize>> = vec![None; mesh.triangles.len()];
+    for (index, pair) in pairs.iter().enumerate() {
+        if pair.triangles.iter().all(|&triangle| matched[triangle].is_none()) {
+            pair.triangles.iter().for_each(|&triangle| matched[triangle] = Some(index));
+        }
+    }
+    let other = |pair: usize, triangle: usize| {
+        let [a, b] = pairs[pair].triangles;
+        if a == triangle { b } else { a }
+    };
+    for first in 0..mesh.triangles.len() {
+        if matched[first].is_some() {
+            continue;
+        }
+        // first - second = third - last, where the middle ones are a pair and the ends are free.
+        let path = of_triangle[first].iter().find_map(|&leading| {
+            let second = other(leading, first);
+            let third = other(matched[second]?, second);
+            let free = |&&pair: &&usize| {
+                let last = other(pair, third);
+                last != first && matched[last].is_none()
+            };
+            of_triangle[third].iter().find(free).map(|&trailing| (leading, trailing))
+        });
+        if let Some((leading, trailing)) = path {
+            for pair in [leading, trailing] {
+                pairs[pair].triangles.iter().for_each(|&triangle| matched[triangle] = Some(pair));
+            }
+        }
+    }
+    let mut faces = Vec::with_capacity(mesh.triangles.len() / 2);
+    for (triangle, (pair, corners)) in matched.iter().zip(&mesh.triangles).enumerate() {
+        match pair.map(|pair| &pairs[pair]) {
+            None => faces.push(Face::Triangle(*corners)),
+            Some(pair) if pair.triangles[0] == triangle => faces.push(Face::Quad(pair.corners)),
+            Some(_) => {}
+        }
+    }
+    faces
+}
+
+/// The squarest and flattest first.
+fn pairs(mesh: &Mesh, limits: &JoinLimits) -> Vec<Pair> {
     let mut owner: HashMap<(u32, u32), usize> = HashMap::with_capacity(mesh.triangles.len() * 3);
     for (index, &[a, b, c]) in mesh.triangles.iter().enumerate() {
         owner.extend([((a, b), index), ((b, c), index), ((c, a), index)]);
     }
-    let mut candidates: Vec<(f64, usize, usize, [u32; 4])> = Vec::new();
+    let mut found: Vec<(f64, Pair)> = Vec::new();
     for (first, &[a, b, c]) in mesh.triangles.iter().enumerate() {
         for [p, q, r] in [[a, b, c], [b, c, a], [c, a, b]] {
             let Some(&second) = owner.get(&(q, p)).filter(|&&second| second > first) else {
@@ -35,27 +104,19 @@ pub fn quad_dominant(mesh: &Mesh) -> Vec<Face> {
             let Some(apex) = apex.filter(|&apex| apex != r) else {
                 continue;
             };
-            let quad = [r, p, apex, q];
+            let corners = [r, p, apex, q];
             let turn = face_normal(mesh, first).dot(&face_normal(mesh, second));
-            let skew = skew(mesh, quad);
-            if turn > MAX_TURN_DEG.to_radians().cos() && skew < MAX_CORNER_COSINE {
-                candidates.push((skew + (1.0 - turn) * 4.0, first, second, quad));
+            let skew = skew(mesh, corners);
+            if turn > limits.max_turn_deg.to_radians().cos() && skew < limits.max_corner_cosine {
+                found.push((
+                    skew + (1.0 - turn) * 4.0,
+                    Pair { triangles: [first, second], corners },
+                ));
             }
         }
     }
-    candidates.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
-    let mut joined = vec![false; mesh.triangles.len()];
-    let mut faces = Vec::new();
-    for (_, first, second, quad) in candidates {
-        if !joined[first] && !joined[second] {
-            joined[first] = true;
-            joined[second] = true;
-            faces.push(Face::Quad(quad));
-        }
-    }
-    let single = mesh.triangles.iter().zip(&joined).filter(|(_, joined)| !**joined);
-    faces.extend(single.map(|(triangle, _)| Face::Triangle(*triangle)));
-    faces
+    found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.triangles.cmp(&b.1.triangles)));
+    found.into_iter().map(|(_, pair)| pair).collect()
 }
 
 /// The largest cosine of a corner; 1 for a corner that bends inward.
@@ -78,6 +139,8 @@ mod tests {
     use super::*;
     use nalgebra::Point3;
 
+    const FLAT_AND_SQUARE: JoinLimits = JoinLimits { max_turn_deg: 25.0, max_corner_cosine: 0.9 };
+
     fn grid(bend: f64) -> Mesh {
         let positions = (0..6).map(|i| {
             let (x, y) = (f64::from(i % 3), f64::from(i / 3));
@@ -91,7 +154,7 @@ mod tests {
 
     #[test]
     fn squares_become_quads() {
-        let faces = quad_dominant(&grid(0.0));
+        let faces = joined(&grid(0.0), &FLAT_AND_SQUARE);
         assert_eq!(faces.len(), 2);
         assert!(faces.iter().all(|face| matches!(face, Face::Quad(_))));
     }
@@ -105,13 +168,8 @@ mod tests {
                 .map(|i| (p(i) - p(0)).cross(&(p(i + 1) - p(0))).z / 2.0)
                 .sum::<f64>()
         };
-        let covered: f64 = quad_dominant(&mesh)
-            .iter()
-            .map(|face| match face {
-                Face::Triangle(corners) => area(corners),
-                Face::Quad(corners) => area(corners),
-            })
-            .sum();
+        let faces = joined(&mesh, &FLAT_AND_SQUARE);
+        let covered: f64 = faces.iter().map(|face| area(face.corners())).sum();
         assert!((covered - 2.0).abs() < 1e-12);
     }
 }

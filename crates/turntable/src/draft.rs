@@ -3,13 +3,15 @@
 use std::borrow::Cow;
 
 use frames::{Azimuth, Elevation, NoElevation, NotFinite, Viewpoint};
+use mesh::shading::CREASE_ANGLE_DEG;
 use progress::{Cancelled, Observer, Share, Stage, Steps, Unreported};
+use remesh::{QuadMesh, QuadOptions};
 use sheet::{HoleDocument, Sheet, View};
 
 use crate::depth::{self, DepthError, ViewDepth};
 use crate::elevated::{self, ElevatedError, ElevatedView, Placed};
 use crate::fit;
-use crate::options::TurntableOptions;
+use crate::options::{SolidOptions, TurntableOptions};
 use crate::registration::{self, ViewRegistration};
 use crate::silhouette::{Silhouette, SilhouetteError, Silhouettes};
 use crate::solid::{self, ElevatedInput, HoleHint, Solid, SolidError, SolidInput, ViewDepthMap};
@@ -71,6 +73,24 @@ impl Draft<'_> {
             depth: &found.depth,
         });
         level.chain(elevated).collect()
+    }
+
+    /// The solid's surface as quads, about half as many as it may have triangles.
+    ///
+    /// # Errors
+    /// [`Cancelled`] if `observer` says so.
+    pub fn quads(
+        &self,
+        options: &SolidOptions,
+        observer: &dyn Observer,
+    ) -> Result<QuadMesh, Cancelled> {
+        let wanted = QuadOptions {
+            faces: options.target_faces as usize / 2,
+            crease_angle_deg: CREASE_ANGLE_DEG,
+        };
+        let made = remesh::quads(&self.solid.mesh, &wanted, &|| observer.is_cancelled());
+        observer.check()?;
+        Ok(made.unwrap_or_default())
     }
 
     /// The cameras of [`all_views`](Self::all_views), in their order.

@@ -16,6 +16,9 @@ use crate::surface::projection::Rig;
 use crate::surface::support::Support;
 use crate::texture::Textured;
 
+/// Linear RGBA.
+const CLAY: [f32; 4] = [0.6, 0.58, 0.55, 1.0];
+
 /// What the model and its reference planes are drawn from.
 pub(super) struct Drawn<'a> {
     pub rig: &'a Rig,
@@ -42,6 +45,21 @@ pub(super) fn solid_glb(
         shaded.sources.iter().map(|&source| colour(support[source as usize])).collect();
     let mut attributes = geometry(&mut file, &shaded, drawn.placement);
     attributes.push((Semantic::Colors(0), file.colors(&colours)));
+    let triangles = file.triangles(&shaded.triangles);
+    model_node(&mut file, vec![triangle_primitive(attributes, triangles, material)], drawn)?;
+    file.finish()
+}
+
+/// The model as grey triangles.
+///
+/// # Errors
+/// [`EncodeError`] for a mesh without triangles.
+pub(super) fn low_poly_glb(mesh: &Mesh, drawn: &Drawn<'_>) -> Result<Vec<u8>, EncodeError> {
+    check(mesh, 0, 0)?;
+    let mut file = writer();
+    let shaded = shaded(mesh, CREASE_ANGLE_DEG);
+    let material = file.material(matte("solid", CLAY));
+    let attributes = geometry(&mut file, &shaded, drawn.placement);
     let triangles = file.triangles(&shaded.triangles);
     model_node(&mut file, vec![triangle_primitive(attributes, triangles, material)], drawn)?;
     file.finish()
@@ -78,7 +96,6 @@ pub(super) fn textured_glb(
 /// # Errors
 /// [`EncodeError`] for a picture that cannot be written.
 pub(super) fn relief_glb(textured: &Textured, drawn: &Drawn<'_>) -> Result<Vec<u8>, EncodeError> {
-    const CLAY: [f32; 4] = [0.6, 0.58, 0.55, 1.0];
     let mut file = writer();
     let normals = file.png_texture("normals", &png(&textured.normal_map())?);
     let material = file.material(carved("relief", CLAY, normals));
@@ -231,6 +248,7 @@ mod tests {
             let textured = Textured {
                 mesh: shaded(&mesh, CREASE_ANGLE_DEG),
                 coordinates: vec![[0.5; 2]; 12],
+                quads: vec![],
                 texture: image::RgbImage::new(8, 8),
             };
             textured_glb(&textured, &drawn, true).unwrap()

@@ -9,12 +9,15 @@ use mesh::thumbnail;
 use mesh::write::{stl, three_mf};
 use picture::{EncodeError, FloatImage, normals_png, png, silhouette_png};
 
+use remesh::QuadMesh;
+
 use crate::depth::normals_from_depth;
 use crate::draft::{Draft, DraftView};
 use crate::fit::Redrawn;
+use crate::surface::decimate::decimated;
 use crate::texture::texture;
-use glb::{Drawn, no_triangles, relief_glb, solid_glb, textured_glb};
-use obj::quad_obj;
+use glb::{Drawn, low_poly_glb, no_triangles, relief_glb, solid_glb, textured_glb};
+use obj::{mtl, quad_obj};
 
 /// Disparity is that towards a view this far on, degrees.
 pub const DISPARITY_ANGLE_DEG: f64 = 5.0;
@@ -67,8 +70,17 @@ pub struct Frames {
     pub print: FileAxes,
 }
 
+/// The material of the OBJ.
+const MATERIAL: &str = "drawn";
+/// The triangles of the models for where few will do.
+const LOW_POLY: [(ArtifactName, usize); 2] =
+    [(ArtifactName::LowPoly2000, 2000), (ArtifactName::LowPoly500, 500)];
+/// Their quadrics may be off as far as the number of triangles asks for.
+const ANY_TOLERANCE_PX: f64 = 0.0;
+
 /// The solid as models, and its picture.
 ///
+/// * `quads`: the solid's surface, for the files with quads or textures.
 /// * `reference_planes`: whether textured.glb has each drawing as a plane
 ///   behind the model.
 ///
@@ -76,6 +88,7 @@ pub struct Frames {
 /// [`EncodeError`] for a file that cannot be written.
 pub fn model_files(
     draft: &Draft<'_>,
+    quads: &QuadMesh,
     placement: &Placement,
     frames: &Frames,
     reference_planes: bool,
@@ -87,9 +100,11 @@ pub fn model_files(
         drawings: draft.all_views().iter().map(|found| found.view).collect(),
         placement,
     };
-    let textured = texture(draft).ok_or_else(no_triangles)?;
+    let textured = texture(draft, quads).ok_or_else(no_triangles)?;
     let Frames { obj, print } = frames;
-    let obj = quad_obj(&solid.mesh, placement, obj);
+    let (material_file, texture_file) =
+        (ArtifactName::SolidMtl.to_string(), ArtifactName::Texture.to_string());
+    let obj = quad_obj(&textured, placement, obj, &material_file, MATERIAL);
     let printed_mm: Vec<[f32; 3]> = solid
         .mesh
         .positions
@@ -99,9 +114,15 @@ pub fn model_files(
         .collect();
     let triangles = &solid.mesh.triangles;
     let encoding = |what| move |error: std::io::Error| EncodeError::new(what, error);
-    let artifacts = vec![
+    let low_poly = LOW_POLY.map(|(name, faces)| {
+        let mesh = decimated(&solid.mesh, faces, ANY_TOLERANCE_PX);
+        Ok(Artifact::new(name, low_poly_glb(&mesh, &drawn)?))
+    });
+    let mut artifacts = vec![
         Artifact::new(ArtifactName::Solid, solid_glb(&solid.mesh, &solid.support, &drawn)?),
         Artifact::new(ArtifactName::SolidObj, obj.into_bytes()),
+        Artifact::new(ArtifactName::SolidMtl, mtl(MATERIAL, &texture_file).into_bytes()),
+        Artifact::new(ArtifactName::Texture, png(&textured.texture)?),
         Artifact::new(
             ArtifactName::SolidStl,
             stl(&printed_mm, triangles).map_err(encoding("solid.stl"))?,
@@ -114,5 +135,8 @@ pub fn model_files(
         Artifact::new(ArtifactName::Relief, relief_glb(&textured, &drawn)?),
         Artifact::new(ArtifactName::Thumbnail, thumbnail(&solid.mesh)?),
     ];
+    for file in low_poly {
+        artifacts.push(file?);
+    }
     Ok(Files { artifacts, ..Files::default() })
 }

@@ -1,10 +1,10 @@
 //! Faces laid out in islands on one square.
 
 use mesh::Mesh;
-use mesh::connected;
-use mesh::shading::{ShadedMesh, face_normal};
+use mesh::shading::ShadedMesh;
 use nalgebra::{Point2, Point3};
 
+use super::charts::{self, Projections, parts};
 use crate::surface::projection::{Rig, neighbours};
 
 /// Texels around each island that repeat its edge.
@@ -35,25 +35,30 @@ pub(super) struct Atlas {
     pub side: u32,
 }
 
+/// A mesh laid out.
+#[derive(Default)]
+pub(super) struct Unwrapped {
+    /// Vertices are repeated where islands meet.
+    pub mesh: ShadedMesh,
+    /// One a position, shares of the side.
+    pub coordinates: Vec<[f32; 2]>,
+    /// Per triangle, which it was.
+    pub faces: Vec<u32>,
+}
+
 impl Atlas {
     /// Lays out faces of one label together, as their view shows them, a texel a pixel, smaller
     /// if they do not fit; faces of no view as seen along the axis that they face most.
     ///
+    /// * `mesh`: two triangles a quad, which stay together.
     /// * `labels`: per triangle a view's index, or the number of views.
     pub(super) fn of(mesh: &Mesh, rig: &Rig, labels: &[usize]) -> Self {
-        let views = rig.viewpoints.len();
-        let charts: Vec<usize> = labels
-            .iter()
-            .enumerate()
-            .map(|(face, &label)| if label < views { label } else { views + facing(mesh, face) })
-            .collect();
-        let flat = |chart: usize, point: &Point3<f64>| match chart.checked_sub(views) {
-            None => rig.project(chart, point).xy().into(),
-            Some(axis) => along_axis(axis, point),
-        };
-        let parts: Vec<Flat> = parts(mesh, &charts)
+        let projections = Projections(rig);
+        let charts = charts::charts(mesh, &projections, labels);
+        let flat = |face: u32, point: &Point3<f64>| projections.flat(charts[face as usize], point);
+        let parts: Vec<Flat> = parts(&neighbours(mesh), &charts)
             .into_iter()
-            .map(|triangles| Flat::new(mesh, triangles, |face, point| flat(charts[face], point)))
+            .map(|triangles| Flat::new(mesh, triangles, flat))
             .collect();
         let mut scale = 1.0;
         loop {
@@ -65,10 +70,9 @@ impl Atlas {
         }
     }
 
-    /// The mesh with vertices repeated where islands meet, and its texture coordinates.
-    pub(super) fn unwrapped(&self, shaded: &ShadedMesh) -> (ShadedMesh, Vec<[f32; 2]>) {
-        let mut mesh = ShadedMesh::default();
-        let mut coordinates = Vec::new();
+    /// Lays out the mesh.
+    pub(super) fn unwrapped(&self, shaded: &ShadedMesh) -> Unwrapped {
+        let Unwrapped { mut mesh, mut coordinates, mut faces } = Unwrapped::default();
         let side = f64::from(self.side);
         let mut new_index = vec![(usize::MAX, 0_u32); shaded.positions.len()];
         for (number, island) in self.islands.iter().enumerate() {
@@ -90,40 +94,11 @@ impl Atlas {
                     entry.1
                 });
                 mesh.triangles.push(new);
+                faces.push(triangle);
             }
         }
-        (mesh, coordinates)
+        Unwrapped { mesh, coordinates, faces }
     }
-}
-
-/// Which of the directions +x -x +y -y +z -z a face looks in most.
-fn facing(mesh: &Mesh, face: usize) -> usize {
-    let normal = face_normal(mesh, face);
-    let axis = normal.iamax();
-    2 * axis + usize::from(normal[axis] < 0.0)
-}
-
-fn along_axis(facing: usize, point: &Point3<f64>) -> Point2<f64> {
-    match facing / 2 {
-        0 => Point2::new(point.y, -point.z),
-        1 => Point2::new(point.x, -point.z),
-        _ => Point2::new(point.x, point.y),
-    }
-}
-
-/// Triangles of one chart that share edges.
-fn parts(mesh: &Mesh, charts: &[usize]) -> Vec<Vec<u32>> {
-    let neighbours = neighbours(mesh);
-    let links = neighbours.iter().enumerate().flat_map(|(face, around)| {
-        let same = around.iter().filter(move |&&other| charts[other] == charts[face]);
-        same.map(move |&other| (face as u32, other as u32))
-    });
-    let (labels, count) = connected::components(charts.len(), links);
-    let mut parts = vec![Vec::new(); count];
-    for (face, &label) in labels.iter().enumerate() {
-        parts[label as usize].push(face as u32);
-    }
-    parts
 }
 
 /// An island before it has a size, px.
@@ -138,12 +113,11 @@ impl Flat {
     fn new(
         mesh: &Mesh,
         triangles: Vec<u32>,
-        flat: impl Fn(usize, &Point3<f64>) -> Point2<f64>,
+        flat: impl Fn(u32, &Point3<f64>) -> Point2<f64>,
     ) -> Self {
-        let corners = triangles.iter().map(|&face| {
-            let face = face as usize;
-            mesh.corners(face).map(|point| flat(face, &point))
-        });
+        let corners = triangles
+            .iter()
+            .map(|&face| mesh.corners(face as usize).map(|point| flat(face, &point)));
         let corners: Vec<[Point2<f64>; 3]> = corners.collect();
         let first = corners[0][0];
         let (low, high) = corners

@@ -83,7 +83,7 @@ impl Baker<'_> {
 }
 
 /// Calls `visit` with each texel whose centre is in the triangle, and its barycentric weights.
-fn for_texels(
+pub(super) fn for_texels(
     corners: &[Point2<f64>; 3],
     (width, height): (usize, usize),
     mut visit: impl FnMut(usize, [f64; 3]),

@@ -5,13 +5,15 @@
 //! | `paint` | a drawing's colours without the ink of its outline, spread beyond its edge |
 //! | `blend` | the colour of a point of the surface: drawings that see it, weighed by how they do |
 //! | `fill` | colours of vertices that no drawing sees, from those around them |
-//! | `atlas` | faces laid out in islands on one square |
+//! | `charts` | which projection each face is laid out in |
+//! | `atlas` | islands of faces on one square |
 //! | `bake` | the islands' texels |
 //! | `relief` | lines inside of outlines as grooves |
 
 mod atlas;
 mod bake;
 mod blend;
+mod charts;
 mod fill;
 mod paint;
 mod relief;
@@ -21,10 +23,11 @@ use mesh::Mesh;
 use mesh::shading::ShadedMesh;
 use nalgebra::Vector3;
 use rayon::prelude::*;
+use remesh::QuadMesh;
 
 use crate::draft::Draft;
 use crate::surface::projection::{DepthBuffer, Rig, best_views};
-use atlas::Atlas;
+use atlas::{Atlas, Unwrapped};
 use blend::Camera;
 
 pub use blend::LinearColour;
@@ -36,6 +39,8 @@ pub struct Textured {
     pub mesh: ShadedMesh,
     /// One a position of `mesh`, origin top left.
     pub coordinates: Vec<[f32; 2]>,
+    /// The corners of each quad that it was made of, indices into the mesh's positions.
+    pub quads: Vec<[u32; 4]>,
     /// sRGB, square, its side a power of two.
     pub texture: RgbImage,
 }
@@ -53,14 +58,16 @@ impl Textured {
     }
 }
 
-/// Bakes the drawings' colours into one texture; `None` for a draft without triangles.
+/// Bakes the drawings' colours into one texture; `None` for a mesh without quads.
 ///
 /// A point takes the colours of all drawings that see it, the more the straighter they face it
 /// and the farther it lies from where surfaces hide each other. What none sees is taken from the
 /// mirror image if the drawings are symmetric, or else from the nearest surface that has a colour.
 /// Outlines' ink stays out; lines inside of them are kept.
-pub fn texture(draft: &Draft<'_>) -> Option<Textured> {
-    let mesh = &draft.solid.mesh;
+///
+/// * `quads`: the draft's surface.
+pub fn texture(draft: &Draft<'_>, quads: &QuadMesh) -> Option<Textured> {
+    let mesh = &quads.triangulated();
     if mesh.triangles.is_empty() {
         return None;
     }
@@ -77,6 +84,7 @@ pub fn texture(draft: &Draft<'_>) -> Option<Textured> {
     Some(textured(mesh, &rig, &best_views(mesh, &rig, &buffers), &colours))
 }
 
+/// * `mesh`: two triangles a quad.
 /// * `labels`: per triangle, the view it is laid out as seen from.
 /// * `colour`: of a point with a normal; `None` where it is not known.
 fn textured(mesh: &Mesh, rig: &Rig, labels: &[usize], colour: &blend::ColourOf<'_>) -> Textured {
@@ -84,8 +92,14 @@ fn textured(mesh: &Mesh, rig: &Rig, labels: &[usize], colour: &blend::ColourOf<'
     let vertices = fill::vertex_colours(mesh, colour);
     let atlas = Atlas::of(mesh, rig, labels);
     let texture = bake::texture(mesh, &shaded, &atlas, &vertices, colour);
-    let (mesh, coordinates) = atlas.unwrapped(&shaded);
-    Textured { mesh, coordinates, texture }
+    let Unwrapped { mesh, coordinates, faces } = atlas.unwrapped(&shaded);
+    let mut corners = vec![[0; 3]; faces.len()];
+    for (triangle, face) in mesh.triangles.iter().zip(faces) {
+        corners[face as usize] = *triangle;
+    }
+    let halves = corners.as_chunks::<2>().0.iter();
+    let quads = halves.map(|&[[a, b, c], [_, _, d]]| [a, b, c, d]).collect();
+    Textured { mesh, coordinates, quads, texture }
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use progress::Silent;
 use sheet::{Sheet, View};
 
 use super::*;
-use crate::options::TurntableOptions;
+use crate::options::{SolidOptions, TurntableOptions};
 
 /// The texel at a triangle's middle.
 fn middle(found: &Textured, triangle: usize) -> [u8; 3] {
@@ -84,7 +84,9 @@ fn drawings_colour_the_sides_they_show_and_outlines_stay_out() {
     let (red, blue) = ([200, 30, 20], [20, 40, 190]);
     let sheet = Sheet::new(vec![view(0.0, red), view(90.0, blue), view(180.0, red)]).unwrap();
     let draft = crate::reconstruct(&sheet, &[], &TurntableOptions::default(), &Silent).unwrap();
-    let found = texture(&draft).unwrap();
+    let quads = draft.quads(&SolidOptions::default(), &Silent).unwrap();
+    let found = texture(&draft, &quads).unwrap();
+    assert_eq!(found.quads.len(), quads.quads.len());
     let mut seen = [0; 2];
     for triangle in 0..found.mesh.triangles.len() {
         let corners = found.mesh.triangles[triangle].map(|v| found.mesh.positions[v as usize]);
