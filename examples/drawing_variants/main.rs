@@ -196,12 +196,7 @@ fn lay_on(mesh: &mut Mesh, truth: &Mesh) {
 }
 
 /// Writes each drawing with the outline that was found in red.
-fn pictures(
-    folder: &Path,
-    name: &str,
-    decoded: &Decoded<'_>,
-    views: &[(f64, RgbaImage, GrayImage)],
-) {
+fn pictures(folder: &Path, name: &str, decoded: &Decoded, views: &[(f64, RgbaImage, GrayImage)]) {
     for (azimuth, found) in decoded.masks() {
         let Some((_, drawing, _)) = views.iter().find(|view| view.0 == azimuth.azimuth.degrees())
         else {
@@ -225,7 +220,7 @@ fn pictures(
 }
 
 /// IoU of the silhouettes with the true masks, where they are of one size.
-fn silhouettes(decoded: &Decoded<'_>, views: &[(f64, RgbaImage, GrayImage)]) -> (f64, f64) {
+fn silhouettes(decoded: &Decoded, views: &[(f64, RgbaImage, GrayImage)]) -> (f64, f64) {
     let found = decoded.masks();
     let scores: Vec<f64> = views
         .iter()

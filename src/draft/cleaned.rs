@@ -4,7 +4,7 @@ use artifacts::{Artifact, ArtifactName, CleanArtifact};
 use drawing::PageDrawing;
 use image::DynamicImage;
 use picture::{dynamic_png, png};
-use sheet::{SheetDocument, ViewDocument};
+use sheet::{HoleDocument, SheetDocument, ViewDocument};
 use turntable::{Draft, DraftView};
 
 use super::DraftError;
@@ -18,6 +18,7 @@ use super::options::Options;
 pub(super) fn cleaned(
     draft: &Draft<'_>,
     document: &SheetDocument,
+    holes: &[HoleDocument],
     options: &Options,
 ) -> Result<Vec<Artifact>, DraftError> {
     let mut views = draft.all_views();
@@ -50,7 +51,7 @@ pub(super) fn cleaned(
         width: Some(draft.views.width()),
         height: Some(draft.views.height()),
         views: described,
-        holes: document.holes.clone(),
+        holes: holes.to_vec(),
         options: Some(serde_json::to_value(&options).map_err(DraftError::internal)?),
         ..SheetDocument::default()
     };

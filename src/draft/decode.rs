@@ -13,7 +13,8 @@ use crate::failure_code::FailureCode;
 use frames::{Azimuth, Elevation, Viewpoint};
 use picture::ImageLimits;
 use progress::{Observer, Progress, Stage};
-use sheet::{Sheet, SheetDocument, View, ViewDocument};
+use sheet::{HoleDocument, Sheet, SheetDocument, View, ViewDocument};
+use subject::{ByHand, reduced, reduced_mask};
 
 /// A view's bytes, held against the limits but not yet decoded.
 struct Inspected<'a> {
@@ -29,6 +30,8 @@ struct Inspected<'a> {
 /// A sheet that a method can work from, and what was done to its drawings.
 pub(super) struct DecodedSheet {
     pub sheet: Sheet,
+    /// The document's, on the sheet's views.
+    pub holes: Vec<HoleDocument>,
     pub preparation: Option<Preparation>,
 }
 
@@ -69,14 +72,17 @@ pub(super) fn decode_sheet(
         inspected.push(inspect(view, elevation, read, &limits.image)?);
     }
     let threads = pool.current_num_threads();
-    check_sizes(&inspected, options, threads, limits.max_working_bytes)?;
+    let has_truth = document.has_truth();
+    check_sizes(&inspected, options, threads, has_truth, limits.max_working_bytes)?;
+    let pixels = inspected.iter().map(|view| u64::from(view.width_px) * u64::from(view.height_px));
+    let reduction = options.reduction(pixels.max().unwrap_or(0), has_truth);
     let decoded: Vec<_> = pool.install(|| {
         inspected
             .par_iter()
             .with_max_len(1)
             .map(|view| {
                 observer.check()?;
-                decode(view, &limits.image)
+                decode(view, &limits.image, reduction)
             })
             .collect()
     });
@@ -100,7 +106,11 @@ pub(super) fn decode_sheet(
         .map_err(|error| DraftError::input(FailureCode::InvalidSheet, error))?
         .with_matches(&document.matches, options.max_pair_angle_deg)
         .map_err(|error| DraftError::input(FailureCode::InvalidMatches, error))?;
-    Ok(DecodedSheet { sheet, preparation })
+    let holes = match &preparation {
+        None => document.holes.clone(),
+        Some(done) => done.holes(document),
+    };
+    Ok(DecodedSheet { sheet, holes, preparation })
 }
 
 fn elevation_of(view: &ViewDocument, document: &SheetDocument) -> Result<Elevation, DraftError> {
@@ -139,6 +149,7 @@ fn check_sizes(
     views: &[Inspected<'_>],
     options: &Options,
     threads: usize,
+    has_truth: bool,
     max_working_bytes: u64,
 ) -> Result<(), DraftError> {
     let Some(first) = views.first() else { return Ok(()) };
@@ -159,7 +170,7 @@ fn check_sizes(
     }
     let largest = |pick: fn(&Inspected<'_>) -> u32| views.iter().map(pick).max().unwrap_or(0);
     let size = (largest(|view| view.width_px), largest(|view| view.height_px));
-    check_memory(views.len(), size, options, threads, max_working_bytes)
+    check_memory(views.len(), size, options, threads, has_truth, max_working_bytes)
 }
 
 /// What a reconstruction may hold in memory at once where nothing else is said,
@@ -190,6 +201,8 @@ impl From<ImageLimits> for DraftLimits {
 
 /// Holds the memory that `views` of one size would take against the limit.
 ///
+/// * `has_truth`: whether the sheet has; it is not reduced then.
+///
 /// # Errors
 /// [`DraftError::Input`] if it is more; the detail has both.
 pub fn check_memory(
@@ -197,9 +210,10 @@ pub fn check_memory(
     size: (u32, u32),
     options: &Options,
     threads: usize,
+    has_truth: bool,
     max_working_bytes: u64,
 ) -> Result<(), DraftError> {
-    let needed = options.working_bytes(views, size, threads);
+    let needed = options.working_bytes(views, size, threads, has_truth);
     if needed <= max_working_bytes {
         return Ok(());
     }
@@ -216,15 +230,37 @@ pub(super) struct DecodedView<'a> {
     pub document: &'a ViewDocument,
     pub azimuth: Azimuth,
     pub elevation: Elevation,
+    /// Reduced, as is the mask.
     pub drawing: RgbaImage,
     /// Given as a file; 128 and above inside.
     pub mask: Option<GrayImage>,
+    /// Of the drawing as sent.
+    pub width_px: u32,
+    /// How many times fewer columns and rows the drawing has than the one sent.
+    pub reduction: f64,
 }
 
 impl DecodedView<'_> {
     /// Where its camera stands.
     pub(super) fn viewpoint(&self) -> Viewpoint {
         Viewpoint { azimuth: self.azimuth, elevation: self.elevation }
+    }
+
+    /// Where a place of the drawing as sent, px, is in this one, which may be turned and reduced.
+    pub(super) fn place(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        let width = f64::from(self.width_px);
+        let turned = if self.document.mirrored { width - x } else { x };
+        [turned / self.reduction, y / self.reduction]
+    }
+
+    /// What the document says of the view's place, in this drawing.
+    pub(super) fn by_hand(&self) -> ByHand {
+        let ViewDocument { axis_x, ground_y, scale, .. } = *self.document;
+        ByHand {
+            axis_x: axis_x.map(|x| self.place([x, 0.0])[0]),
+            ground_y: ground_y.map(|y| self.place([0.0, y])[1]),
+            scale,
+        }
     }
 
     /// The drawing as it is, in grey, transparency being the mask.
@@ -236,7 +272,11 @@ impl DecodedView<'_> {
     }
 }
 
-fn decode<'a>(view: &Inspected<'a>, limits: &ImageLimits) -> Result<DecodedView<'a>, DraftError> {
+fn decode<'a>(
+    view: &Inspected<'a>,
+    limits: &ImageLimits,
+    reduction: f64,
+) -> Result<DecodedView<'a>, DraftError> {
     let refuse = |name: &str, error: picture::ImageError| {
         DraftError::input(FailureCode::InvalidImage, format!("image {name} {error}"))
     };
@@ -253,8 +293,13 @@ fn decode<'a>(view: &Inspected<'a>, limits: &ImageLimits) -> Result<DecodedView<
         imageops::flip_horizontal_in_place(&mut drawing);
         mask.as_mut().map(imageops::flip_horizontal_in_place);
     }
+    let width_px = drawing.width();
+    if reduction > 1.0 {
+        drawing = reduced(&drawing, reduction);
+        mask = mask.map(|mask| reduced_mask(&mask, reduction));
+    }
     let (azimuth, elevation) = (view.azimuth, view.elevation);
-    Ok(DecodedView { document, azimuth, elevation, drawing, mask })
+    Ok(DecodedView { document, azimuth, elevation, drawing, mask, width_px, reduction })
 }
 
 #[cfg(test)]
@@ -266,18 +311,24 @@ mod tests {
     #[test]
     fn a_usual_sheet_fits_and_a_huge_one_is_refused() {
         let turntable = Options::default();
-        assert!(check_memory(19, (1920, 1080), &turntable, 8, DEFAULT_WORKING_BYTES).is_ok());
-        assert!(check_memory(64, (8000, 8000), &turntable, 8, DEFAULT_WORKING_BYTES).is_err());
+        let check = |views, size, options: &Options, threads, has_truth| {
+            check_memory(views, size, options, threads, has_truth, DEFAULT_WORKING_BYTES)
+        };
+        assert!(check(19, (1920, 1080), &turntable, 8, true).is_ok());
+        assert!(check(64, (8000, 8000), &turntable, 8, false).is_err());
+        // Reduced, unless there is a truth.
+        assert!(check(5, (6000, 4000), &turntable, 2, false).is_ok());
+        assert!(check(5, (6000, 4000), &turntable, 2, true).is_err());
         let options = Options { method: Method::Uncalibrated, ..turntable };
-        assert!(check_memory(64, (1920, 1080), &options, 8, DEFAULT_WORKING_BYTES).is_ok());
-        assert!(check_memory(64, (8000, 8000), &options, 2, DEFAULT_WORKING_BYTES).is_err());
+        assert!(check(64, (1920, 1080), &options, 8, false).is_ok());
+        assert!(check(64, (8000, 8000), &options, 2, false).is_err());
         let disparity = DisparityOptions {
             mode: SgbmMode::EightPath,
             num_disparities: 1024,
             ..DisparityOptions::default()
         };
         let options = Options { disparity, ..options };
-        let error = check_memory(3, (4000, 3000), &options, 1, DEFAULT_WORKING_BYTES).unwrap_err();
+        let error = check(3, (4000, 3000), &options, 1, false).unwrap_err();
         assert!(matches!(error, DraftError::Input { code: FailureCode::TooLarge, .. }), "{error}");
     }
 }

@@ -6,7 +6,7 @@
 //! views where there is none. What is off by little is found when the silhouettes are there.
 
 use image::GrayImage;
-use subject::{Aligned, Alignment, Subject, Transform, ViewAlignment, apply, median};
+use subject::{Aligned, Alignment, ByHand, Subject, Transform, ViewAlignment, apply, median};
 
 use super::decode::DecodedView;
 
@@ -53,8 +53,8 @@ fn place(
     view: &DecodedView<'_>,
     subject: &Subject,
 ) -> Transform {
-    let document = view.document;
-    let by_hand = [document.axis_x, document.ground_y, document.scale].iter().any(Option::is_some);
+    let ByHand { axis_x, ground_y, scale } = view.by_hand();
+    let by_hand = [axis_x, ground_y, scale].iter().any(Option::is_some);
     let size = view.drawing.dimensions();
     let one_size = views.iter().all(|other| other.drawing.dimensions() == size);
     let Some([columns, rows]) = extent(&subject.mask).filter(|_| by_hand || !one_size) else {
@@ -73,20 +73,17 @@ fn place(
         let scales: Vec<f64> = alignment.views.iter().map(|found| found.transform.scale).collect();
         median(&scales)
     };
-    let scale = match (document.scale, one_size) {
+    let scale = match (scale, one_size) {
         (Some(scale), _) => scale,
         (None, true) => 1.0,
         (None, false) => as_wide.unwrap_or_else(usual),
     };
-    // A mirrored drawing was turned back.
-    let width = f64::from(view.drawing.width());
-    let axis_x = document.axis_x.map(|x| if document.mirrored { width - x } else { x });
     let origin = f64::from(canvas.height) / 2.0;
     let (_, level) = view.elevation.sin_cos();
     let row_of = |level_row: f64| origin + (level_row - origin) * level;
     let middle = |range: [f64; 2]| f64::midpoint(range[0], range[1]);
     let dx = canvas.axis_x - scale * axis_x.unwrap_or(middle(columns));
-    let dy = match document.ground_y {
+    let dy = match ground_y {
         Some(ground) => row_of(canvas.rows[1]) - scale * ground,
         None => row_of(middle(canvas.rows)) - scale * middle(rows),
     };

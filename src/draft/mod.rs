@@ -24,7 +24,7 @@ use progress::{Observer, Silent};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
-use sheet::{Sheet, SheetDocument};
+use sheet::{HoleDocument, Sheet, SheetDocument};
 
 use crate::failure_code::FailureCode;
 use crate::kinds::FitSummary;
@@ -94,7 +94,7 @@ pub fn produce(
         hashes.lock().unwrap_or_else(PoisonError::into_inner).insert(name.to_owned(), hash);
         Ok(bytes)
     };
-    let DecodedSheet { sheet, preparation } =
+    let DecodedSheet { sheet, holes, preparation } =
         decode_sheet(document, &options, read, limits, &pool, &timed.decoding())?;
     let moved = preparation.as_ref().is_some_and(|done| done.alignment.is_some());
     let in_place = (!moved).then_some(&sheet);
@@ -106,6 +106,7 @@ pub fn produce(
     let run = Run {
         document,
         sheet: &sheet,
+        holes: &holes,
         preparation: preparation.as_ref(),
         options: &options,
         provenance: &provenance,
@@ -124,29 +125,29 @@ pub fn produce(
 }
 
 /// A decoded sheet, to try the method `turntable` on without artifacts.
-pub struct Decoded<'a> {
-    document: &'a SheetDocument,
+pub struct Decoded {
     sheet: Sheet,
+    holes: Vec<HoleDocument>,
     preparation: Option<Preparation>,
     options: Options,
     pool: ThreadPool,
 }
 
-impl<'a> Decoded<'a> {
+impl Decoded {
     /// Decodes a sheet; see [`produce`].
     ///
     /// # Errors
     /// As [`produce`].
     pub fn read(
-        document: &'a SheetDocument,
+        document: &SheetDocument,
         read: ReadImage<'_>,
         limits: &DraftLimits,
         threads: usize,
     ) -> Result<Self, DraftError> {
         let (options, pool) = (options_of(document)?, pool(threads)?);
-        let DecodedSheet { sheet, preparation } =
+        let DecodedSheet { sheet, holes, preparation } =
             decode_sheet(document, &options, read, limits, &pool, &Silent)?;
-        Ok(Self { document, sheet, preparation, options, pool })
+        Ok(Self { sheet, holes, preparation, options, pool })
     }
 
     /// What a person should know of the drawings.
@@ -172,7 +173,7 @@ impl<'a> Decoded<'a> {
     /// # Errors
     /// As [`produce`].
     pub fn turntable(&self) -> Result<::turntable::Draft<'_>, DraftError> {
-        let (sheet, holes, own) = (&self.sheet, &self.document.holes, &self.options.turntable);
+        let (sheet, holes, own) = (&self.sheet, &self.holes, &self.options.turntable);
         Ok(self.pool.install(|| ::turntable::reconstruct(sheet, holes, own, &Silent))?)
     }
 }
@@ -181,6 +182,8 @@ impl<'a> Decoded<'a> {
 struct Run<'a> {
     document: &'a SheetDocument,
     sheet: &'a Sheet,
+    /// Of the sheet's views.
+    holes: &'a [HoleDocument],
     /// What was done to the drawings; `None` if they were taken as they are.
     preparation: Option<&'a Preparation>,
     options: &'a Options,

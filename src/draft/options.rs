@@ -43,6 +43,9 @@ pub enum Preparation {
     Off,
 }
 
+/// A drawing that is decoded and about to be reduced, with its mask.
+const DECODING_BYTES_PER_PIXEL: u64 = 12;
+
 /// What is done about views that fit better at another angle or mirrored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -55,7 +58,7 @@ pub enum Repair {
 }
 
 /// How a sheet's drawings become views that fit together.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct SheetOptions {
     /// Whether the subject is looked for in each drawing, and views of differing
@@ -63,6 +66,17 @@ pub struct SheetOptions {
     pub prepare: Preparation,
     /// What is done about views that fit better otherwise.
     pub repair: Repair,
+    /// Larger drawings are all reduced, by one factor, until the largest has no more
+    /// megapixels; maps and pictures are of that size then. Nothing is reduced if there is a
+    /// truth to compare with, nor with `prepare=off`.
+    #[schemars(range(min = 0.001, max = 1000.0))]
+    pub max_megapixels: f64,
+}
+
+impl Default for SheetOptions {
+    fn default() -> Self {
+        Self { prepare: Preparation::default(), repair: Repair::default(), max_megapixels: 4.0 }
+    }
 }
 
 /// The options of one reconstruction, nested by stage.
@@ -164,17 +178,42 @@ impl Options {
         }
     }
 
+    /// By how much drawings of which the largest has so many pixels are reduced; 1 for not at
+    /// all.
+    ///
+    /// * `has_truth`: whether there is something to compare with, pixel by pixel.
+    pub fn reduction(&self, pixels: u64, has_truth: bool) -> f64 {
+        let prepares = self.method == Method::Turntable && self.sheet.prepare == Preparation::Auto;
+        if has_truth || !prepares {
+            return 1.0;
+        }
+        (pixels as f64 / (self.sheet.max_megapixels * 1e6)).sqrt().max(1.0)
+    }
+
     /// About how much memory `views` of one size take, bytes.
+    ///
+    /// * `has_truth`: see [`reduction`](Self::reduction).
     pub fn working_bytes(
         &self,
         views: usize,
         (width_px, height_px): (u32, u32),
         threads: usize,
+        has_truth: bool,
     ) -> u64 {
         match self.method {
             Method::Turntable => {
-                let pixels = u64::from(width_px) * u64::from(height_px) * views as u64;
-                pixels.saturating_mul(turntable::WORKING_BYTES_PER_PIXEL)
+                let pixels = u64::from(width_px) * u64::from(height_px);
+                let reduction = self.reduction(pixels, has_truth);
+                let worked_on = (pixels as f64 / (reduction * reduction)).ceil() as u64;
+                let working = worked_on
+                    .saturating_mul(views as u64)
+                    .saturating_mul(turntable::WORKING_BYTES_PER_PIXEL);
+                if reduction <= 1.0 {
+                    return working;
+                }
+                // Each thread holds a drawing as it was sent at a time.
+                let whole = pixels.saturating_mul(DECODING_BYTES_PER_PIXEL);
+                working.saturating_add(whole.saturating_mul(threads.min(views) as u64))
             }
             Method::Uncalibrated => {
                 let options = self.uncalibrated();

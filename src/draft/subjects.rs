@@ -8,7 +8,7 @@ use image::{GrayImage, Rgb, RgbImage, RgbaImage, imageops};
 use progress::Observer;
 use rayon::prelude::*;
 use serde::Serialize;
-use sheet::{View, ViewDocument};
+use sheet::{HoleDocument, SheetDocument, View, ViewDocument};
 use subject::{
     AlignOptions, Aligned, Alignment, ByHand, DrawingKind, Gap, Hints, HypothesisOptions,
     PaperSummary, Piece, Point, Polarity, Removed, Subject, SubjectError, SubjectOptions,
@@ -53,6 +53,56 @@ pub(super) struct Preparation {
     pub suggestions: Vec<SuggestionReport>,
     /// What a person should look at.
     pub warnings: Vec<String>,
+    /// One a drawing.
+    places: Vec<PlaceOnCanvas>,
+}
+
+/// How the places of a drawing as sent become those of its view.
+struct PlaceOnCanvas {
+    /// As the document has it.
+    azimuth_deg: f64,
+    viewpoint: Viewpoint,
+    /// Of the drawing as sent, if it was turned.
+    turned_width: Option<f64>,
+    reduction: f64,
+    transform: Transform,
+}
+
+impl PlaceOnCanvas {
+    fn new(view: &DecodedView<'_>, transform: Transform) -> Self {
+        Self {
+            azimuth_deg: view.document.azimuth_deg,
+            viewpoint: view.viewpoint(),
+            turned_width: view.document.mirrored.then_some(f64::from(view.width_px)),
+            reduction: view.reduction,
+            transform,
+        }
+    }
+}
+
+impl Preparation {
+    /// How many times fewer columns and rows the drawings were given.
+    pub(super) fn reduction(&self) -> f64 {
+        self.places.first().map_or(1.0, |place| place.reduction)
+    }
+
+    /// The holes of a document where they are on the views that the drawings became; those of
+    /// views that there are not stay.
+    pub(super) fn holes(&self, document: &SheetDocument) -> Vec<HoleDocument> {
+        let moved = |hole: &HoleDocument| {
+            let elevation_deg = hole.elevation_deg.unwrap_or(document.elevation_deg);
+            let place = self.places.iter().find(|place| {
+                let viewpoint = &place.viewpoint;
+                let apart = (place.azimuth_deg - hole.azimuth_deg).rem_euclid(360.0);
+                apart == 0.0 && viewpoint.elevation.degrees() == elevation_deg
+            });
+            let Some(place) = place else { return hole.clone() };
+            let x = place.turned_width.map_or(hole.x, |width| width - hole.x);
+            let [x, y] = place.transform.place([x / place.reduction, hole.y / place.reduction]);
+            HoleDocument { azimuth_deg: place.viewpoint.azimuth.degrees(), x, y, ..hole.clone() }
+        };
+        document.holes.iter().map(moved).collect()
+    }
 }
 
 /// One drawing, as `metrics.json` tells of it.
@@ -63,6 +113,9 @@ pub(super) struct DrawingReport {
     kind: DrawingKind,
     polarity: Polarity,
     paper: PaperSummary,
+    /// How many times fewer columns and rows the drawing was given; places are told in these.
+    #[serde(skip_serializing_if = "is_one")]
+    reduced_by: f64,
     /// Whether the drawing is used as it was drawn.
     as_drawn: bool,
     /// Whether a person gave mask, outline or pieces.
@@ -72,6 +125,11 @@ pub(super) struct DrawingReport {
     pieces: Vec<Piece>,
     closed_gaps: Vec<Gap>,
     warnings: Vec<String>,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde asks for it")]
+fn is_one(factor: &f64) -> bool {
+    *factor == 1.0
 }
 
 /// A view that fits better otherwise.
@@ -118,6 +176,13 @@ pub(super) fn prepare(
     }
     observer.check()?;
     let mut warnings: Vec<String> = Vec::new();
+    if let Some(view) = views.first().filter(|view| view.reduction > 1.0) {
+        warnings.push(format!(
+            "the drawings are larger than {} megapixels and were reduced by {:.2}; places in \
+             warnings and maps are in the reduced drawings' pixels (sheet.max_megapixels)",
+            options.sheet.max_megapixels, view.reduction
+        ));
+    }
     let all = views.iter().zip(&subjects);
     for (view, subject) in all.chain(elevated.iter().map(|(view, subject)| (view, subject))) {
         let of_view = |text: &dyn std::fmt::Display| format!("view {}: {text}", view.viewpoint());
@@ -142,6 +207,10 @@ pub(super) fn prepare(
     let mut drawings = Vec::with_capacity(views.len());
     let mut sheet = Vec::with_capacity(views.len());
     let mut cut_outs = Vec::with_capacity(views.len());
+    let mut places_on_canvas = Vec::with_capacity(views.len() + elevated.len());
+    places_on_canvas.extend(views.iter().zip(&alignment.views).map(|(view, found)| {
+        PlaceOnCanvas::new(view, if moves { found.transform } else { Transform::IDENTITY })
+    }));
     let mut laid = laid.into_iter();
     for ((view, subject), doubt) in views.into_iter().zip(subjects).zip(doubts) {
         let by_hand = is_by_hand(view.document) || view.mask.is_some();
@@ -167,12 +236,15 @@ pub(super) fn prepare(
         drawings.push(report(&view, &subject, as_drawn, by_hand));
         let laid = if stays { None } else { elevated::laid(&alignment, place, &view, &subject) };
         let viewpoint = view.viewpoint();
+        places_on_canvas.push(PlaceOnCanvas::new(&view, place));
         let (view, cut_out) = view_of(view, subject, laid, as_drawn);
         cut_outs.push((viewpoint, cut_out));
         sheet.push(view);
     }
     let alignment = moves.then_some(alignment);
-    Ok((sheet, Preparation { drawings, cut_outs, trust, alignment, suggestions, warnings }))
+    let places = places_on_canvas;
+    let done = Preparation { drawings, cut_outs, trust, alignment, suggestions, warnings, places };
+    Ok((sheet, done))
 }
 
 /// Per view where it lacks a part that the others show, if it does.
@@ -221,11 +293,11 @@ fn find_in(
     observer: &dyn Observer,
 ) -> Result<Subject, DraftError> {
     let document = view.document;
-    // A mirrored drawing was turned back; its points are of the drawing as sent.
-    let width = f64::from(view.drawing.width());
-    let turned = |x: f64| if document.mirrored { width - x } else { x };
-    let points =
-        |given: &[[f64; 2]]| given.iter().map(|&[x, y]| Point { x: turned(x), y }).collect();
+    let point = |&given: &[f64; 2]| {
+        let [x, y] = view.place(given);
+        Point { x, y }
+    };
+    let points = |given: &[[f64; 2]]| given.iter().map(point).collect();
     let hints = Hints {
         mask: view.mask.clone(),
         polygon: (!document.polygon.is_empty()).then(|| points(&document.polygon)),
@@ -281,22 +353,9 @@ fn paired<'a>(views: &[DecodedView<'_>], subjects: &'a [Subject]) -> Vec<subject
 fn aligned(views: &[DecodedView<'_>], subjects: &[Subject]) -> Alignment {
     let pairs = paired(views, subjects);
     let mut alignment = align(&pairs, &AlignOptions::default());
-    let hands: Vec<ByHand> = views.iter().map(by_hand).collect();
+    let hands: Vec<ByHand> = views.iter().map(DecodedView::by_hand).collect();
     place_by_hand(&mut alignment, &pairs, &hands);
     alignment
-}
-
-/// What the document says of a view's place.
-fn by_hand(view: &DecodedView<'_>) -> ByHand {
-    let document = view.document;
-    let width = f64::from(view.drawing.width());
-    // A mirrored drawing was turned back.
-    let turned = |x: f64| if document.mirrored { width - x } else { x };
-    ByHand {
-        axis_x: document.axis_x.map(turned),
-        ground_y: document.ground_y,
-        scale: document.scale,
-    }
 }
 
 /// Whether views differ by more than the method's own registration mends.
@@ -404,6 +463,7 @@ fn report(
         kind: subject.kind,
         polarity: subject.polarity,
         paper: subject.paper,
+        reduced_by: view.reduction,
         as_drawn,
         by_hand,
         stroke_px: subject.stroke_px,
@@ -470,7 +530,9 @@ mod tests {
         };
         let azimuth = Azimuth::from_degrees(0.0).unwrap();
         let elevation = Elevation::LEVEL;
-        let view = DecodedView { document: &document, azimuth, elevation, drawing, mask: None };
+        let (mask, width_px, reduction) = (None, drawing.width(), 1.0);
+        let document = &document;
+        let view = DecodedView { document, azimuth, elevation, drawing, mask, width_px, reduction };
         let mask = find_in(&view, &Options::default(), &Silent).unwrap().mask;
         let columns = |columns: std::ops::Range<u32>| {
             columns.filter(|x| mask.get_pixel(*x, 50).0[0] != 0).count()

@@ -31,8 +31,7 @@ pub(super) fn run(run: &Run<'_>, delivery: Delivery<'_>) -> Result<Summary, Draf
     let Run { truths, pool, threads, timed, .. } = *run;
     let own = &options.turntable;
     let reconstructing = timed.reconstructing();
-    let draft =
-        pool.install(|| turntable::reconstruct(sheet, &document.holes, own, &reconstructing))?;
+    let draft = pool.install(|| turntable::reconstruct(sheet, run.holes, own, &reconstructing))?;
     timed.computed();
     let (redrawn, quads) = pool
         .install(|| rayon::join(|| redraw(&draft), || draft.quads(&own.solid, &reconstructing)));
@@ -44,7 +43,11 @@ pub(super) fn run(run: &Run<'_>, delivery: Delivery<'_>) -> Result<Summary, Draf
     let truth = against_truth(&draft, truths, pool, &exporting)?;
     let bounds = draft.solid.mesh.bounds();
     let bounds = bounds.ok_or_else(|| DraftError::internal("a solid without points"))?;
-    let placement = Placement::new(bounds, &options.export);
+    let mut export = options.export.clone();
+    // Of the drawings as sent.
+    let reduction = preparation.map_or(1.0, Preparation::reduction);
+    export.pixels_per_metre = export.pixels_per_metre.map(|pixels| pixels / reduction);
+    let placement = Placement::new(bounds, &export);
     let axes = |auto| {
         let axes = options.export.file_axes(auto);
         axes.ok_or_else(|| DraftError::internal("options that conflict"))
@@ -60,7 +63,8 @@ pub(super) fn run(run: &Run<'_>, delivery: Delivery<'_>) -> Result<Summary, Draf
         files.artifacts.extend(trust_map(preparation, view.viewpoint())?);
         Ok(files)
     })?;
-    let cleaned = Files { artifacts: cleaned(&draft, document, options)?, ..Files::default() };
+    let cleaned =
+        Files { artifacts: cleaned(&draft, document, run.holes, options)?, ..Files::default() };
     exporter.take(cleaned)?;
     exporter.take(model_files(&draft, &quads, &placement, &frames, own.reference_planes)?)?;
     exporter.unit_done("mesh")?;

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use image::{GrayImage, Luma};
 use imageproc::drawing::draw_line_segment_mut;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::tests::{
     Files, Watcher, input_error, metrics, png, run, sheet_of as uncalibrated_sheet, without_timings,
@@ -229,6 +229,41 @@ fn every_artifact_is_there_and_readable() {
     assert_eq!(images.len(), 4);
     let absent = metrics(&artifacts)["absent_artifacts"].clone();
     assert_eq!(absent[1]["name"], "hull.glb");
+}
+
+#[test]
+fn large_drawings_are_reduced_and_places_go_along() {
+    let (mut document, files) = boxes(&[0.0, 45.0, 90.0]);
+    let whole = run(&document, &files, 2, &Silent).unwrap().1;
+    let (width, height) = (
+        metrics(&whole)["width_px"].as_f64().unwrap(),
+        metrics(&whole)["height_px"].as_f64().unwrap(),
+    );
+    document.options.get_or_insert_with(|| json!({}))["sheet"] =
+        json!({"max_megapixels": width * height / 4.0 / 1e6});
+    document.holes =
+        vec![HoleDocument { azimuth_deg: 45.0, elevation_deg: None, x: 60.0, y: 30.0 }];
+    let (summary, reduced) = run(&document, &files, 2, &Silent).unwrap();
+    assert!(summary.warnings[0].contains("reduced by 2.00"), "{:?}", summary.warnings);
+    let found = metrics(&reduced);
+    assert_eq!(found["width_px"].as_f64(), Some(width / 2.0));
+    assert_eq!(found["sheet"]["drawings"][0]["reduced_by"], 2.0);
+    let cleaned: Value = serde_json::from_slice(bytes_of(&reduced, "sheet/sheet.json")).unwrap();
+    assert_eq!(
+        (&cleaned["holes"][0]["x"], &cleaned["holes"][0]["y"]),
+        (&json!(30.0), &json!(15.0))
+    );
+    // The same box, but for a pixel that is twice as large.
+    let sides = |artifacts: &[Artifact]| {
+        let (positions, _) = model(bytes_of(artifacts, "solid.glb"));
+        [0, 1, 2].map(|axis| {
+            let all = || positions.iter().map(|p| p[axis]);
+            all().fold(f32::MIN, f32::max) - all().fold(f32::MAX, f32::min)
+        })
+    };
+    for (whole, reduced) in sides(&whole).into_iter().zip(sides(&reduced)) {
+        assert!((whole - reduced).abs() < 0.06 * whole, "{whole} {reduced}");
+    }
 }
 
 #[test]

@@ -114,6 +114,13 @@ pub enum TruthKind {
     Disparity,
 }
 
+impl SheetDocument {
+    /// Whether something is known that drafts are compared with.
+    pub fn has_truth(&self) -> bool {
+        self.truth.is_some() || self.views.iter().any(|view| view.truth().is_some())
+    }
+}
+
 impl ViewDocument {
     /// What is wrong with the view's place by hand: the field, its value, what would be accepted.
     pub fn wrong_place(&self) -> Option<(&'static str, f64, &'static str)> {

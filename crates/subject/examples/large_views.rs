@@ -1,8 +1,9 @@
 //! Time and memory of finding and aligning the subjects of large drawings.
 //!
-//!     large_views [WIDTHxHEIGHT] [lines|flat]
+//!     large_views [WIDTHxHEIGHT] [lines|flat] [MEGAPIXELS]
 //!
-//! Five views of the built-in caped figure; on Linux memory is the process's peak over what the
+//! Five views of the built-in caped figure, reduced to so many megapixels first, 4 as in the
+//! service; on Linux memory is the process's peak over what the
 //! drawings take.
 
 use std::error::Error;
@@ -14,7 +15,7 @@ use image::RgbaImage;
 use mesh::builtin::ProceduralModel;
 use rayon::prelude::*;
 use subject::{
-    AlignOptions, Hints, Subject, SubjectError, SubjectOptions, View, align, apply, find,
+    AlignOptions, Hints, Subject, SubjectError, SubjectOptions, View, align, apply, find, reduced,
 };
 
 const AZIMUTHS_DEG: [f64; 5] = [0.0, 45.0, 90.0, 135.0, 180.0];
@@ -24,6 +25,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let size = words.first().map_or("6000x4000", String::as_str);
     let (width, height) = size.split_once('x').ok_or("the size is WIDTHxHEIGHT")?;
     let flat = words.get(1).is_some_and(|word| word == "flat");
+    let megapixels: f64 = words.get(2).map_or(Ok(4.0), |word| word.parse())?;
     let options = DrawOptions {
         width_px: width.parse()?,
         height_px: height.parse()?,
@@ -47,7 +49,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     let found: Result<Vec<Subject>, SubjectError> = drawings
         .par_iter()
         .with_max_len(1)
-        .map(|drawing| find(drawing, &Hints::default(), &SubjectOptions::default(), &|| false))
+        .map(|drawing| {
+            let pixels = f64::from(drawing.width()) * f64::from(drawing.height());
+            let factor = (pixels / (megapixels * 1e6)).sqrt();
+            let less = (factor > 1.0).then(|| reduced(drawing, factor));
+            let drawing = less.as_ref().unwrap_or(drawing);
+            find(drawing, &Hints::default(), &SubjectOptions::default(), &|| false)
+        })
         .collect();
     let found = found?;
     let after_find = begin.elapsed();

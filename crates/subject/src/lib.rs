@@ -37,7 +37,7 @@ mod tone;
 
 pub use align::{
     AlignOptions, Aligned, Alignment, ByHand, Canvas, Transform, View, ViewAlignment, align, apply,
-    median, place_by_hand, trust,
+    median, place_by_hand, reduced, reduced_mask, trust,
 };
 pub use hypotheses::{Hypotheses, HypothesisOptions, Suggestion, Verdict, hypotheses};
 pub use marks::{Marks, enclosed};

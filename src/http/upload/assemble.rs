@@ -256,7 +256,7 @@ impl Assembled {
         inputs.extend(model.map(|model| model.store(&mut document)));
         check_sizes(&drawings, &requirements(options.method, limits))?;
         let sizes: Vec<_> = drawings.iter().map(|(view, _, size)| (*view, *size)).collect();
-        check_memory(&sizes, &options, limits)?;
+        check_memory(&sizes, &options, document.has_truth(), limits)?;
         matches::check(&document.matches, &sizes, &options)?;
         describe(&mut document, &drawings, &options)?;
         Ok((document, inputs))
@@ -317,12 +317,13 @@ fn view_part(view: Viewpoint) -> String {
 pub(super) fn check_memory(
     views: &[(Viewpoint, PictureSize)],
     options: &Options,
+    has_truth: bool,
     limits: &HttpLimits,
 ) -> Result<(), Problem> {
     let largest = |side: fn(&PictureSize) -> u32| views.iter().map(|(_, size)| side(size)).max();
     let size = (largest(|it| it.width).unwrap_or(0), largest(|it| it.height).unwrap_or(0));
     let (threads, most) = (limits.threads_per_job, limits.draft.max_working_bytes);
-    draft::check_memory(views.len(), size, options, threads, most)
+    draft::check_memory(views.len(), size, options, threads, has_truth, most)
         .map_err(|error| Problem::new(JOB_TOO_LARGE, error.to_string()))
 }
 

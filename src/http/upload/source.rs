@@ -127,7 +127,7 @@ async fn completed(
         return Err(Problem::new(DIFFERING_SIZES, detail).part(part));
     }
     if document.width.is_some() {
-        check_memory(&sizes(&document), &options, &api.limits)?;
+        check_memory(&sizes(&document), &options, document.has_truth(), &api.limits)?;
     }
     // Matches may be many: not on a thread that answers others.
     let laid_over = move || {

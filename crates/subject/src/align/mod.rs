@@ -14,7 +14,7 @@ use crate::subject::Subject;
 use profile::{Profile, Rows};
 
 pub use by_hand::{ByHand, place_by_hand};
-pub use resample::{Aligned, apply};
+pub use resample::{Aligned, apply, reduced, reduced_mask};
 pub use trusted::trust;
 
 /// One subject and the azimuth at which it was drawn.
@@ -60,6 +60,11 @@ pub struct Transform {
 impl Transform {
     /// Leaves everything where it is.
     pub const IDENTITY: Self = Self { scale: 1.0, dx: 0.0, dy: 0.0 };
+
+    /// Where a place of the view lies on the canvas, px.
+    pub fn place(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        [self.scale * x + self.dx, self.scale * y + self.dy]
+    }
 }
 
 /// What was found about one view.

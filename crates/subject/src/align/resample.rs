@@ -54,6 +54,27 @@ pub fn apply(alignment: &Alignment, views: &[View<'_>]) -> Vec<Aligned> {
         .collect()
 }
 
+/// A drawing with fewer pixels: `factor` times fewer columns and rows, rounded up. Each is the
+/// mean of those under it, colours weighed by alpha.
+pub fn reduced(drawing: &RgbaImage, factor: f64) -> RgbaImage {
+    let (width, height) = reduced_size(drawing.dimensions(), factor);
+    let grid = Grid::reducing(drawing.dimensions(), factor);
+    let bytes = grid.resampled_colours(drawing.as_raw());
+    RgbaImage::from_raw(width, height, bytes).unwrap_or_default()
+}
+
+/// [`reduced`] for a mask.
+pub fn reduced_mask(mask: &GrayImage, factor: f64) -> GrayImage {
+    let (width, height) = reduced_size(mask.dimensions(), factor);
+    let bytes = Grid::reducing(mask.dimensions(), factor).resampled::<1>(mask.as_raw(), [0.0]);
+    GrayImage::from_raw(width, height, bytes).unwrap_or_default()
+}
+
+fn reduced_size((width, height): (u32, u32), factor: f64) -> (u32, u32) {
+    let side = |side: u32| ((f64::from(side) / factor.max(1.0)).ceil() as u32).max(1);
+    (side(width), side(height))
+}
+
 /// From this scale on a pixel's steps are smoothed, by a triangle of so many source pixels to each
 /// side: lines one pixel wide stay.
 const SMOOTHED_SCALE: f64 = 2.0;
@@ -80,6 +101,20 @@ impl Taps {
     }
 }
 
+impl Taps {
+    /// Takes nothing from beyond `count` source pixels.
+    fn keep_inside(&mut self, count: i64) {
+        for (first, weights) in &mut self.0 {
+            let before = (-*first).clamp(0, weights.len() as i64) as usize;
+            weights.drain(..before);
+            *first += before as i64;
+            weights.truncate((count - *first).max(0) as usize);
+            let sum: f32 = weights.iter().sum();
+            weights.iter_mut().for_each(|weight| *weight /= sum.max(1e-6));
+        }
+    }
+}
+
 struct Grid {
     across: Taps,
     down: Taps,
@@ -94,6 +129,21 @@ impl Grid {
             down: Taps::new(canvas.height, transform.scale, transform.dy),
             width: width as usize,
             height: height as usize,
+        }
+    }
+
+    fn reducing(size: (u32, u32), factor: f64) -> Self {
+        let (width, height) = reduced_size(size, factor);
+        let taps = |count: u32, source: u32| {
+            let mut taps = Taps::new(count, 1.0 / factor.max(1.0), 0.0);
+            taps.keep_inside(i64::from(source));
+            taps
+        };
+        Self {
+            across: taps(width, size.0),
+            down: taps(height, size.1),
+            width: size.0 as usize,
+            height: size.1 as usize,
         }
     }
 
