@@ -22,6 +22,7 @@ mod solid_views;
 mod symmetry;
 #[cfg(test)]
 mod tests;
+mod tunnels;
 mod voxel;
 
 use std::cell::LazyCell;

@@ -2,6 +2,7 @@
 
 use super::coverage;
 use super::outline::Outline;
+use super::tunnels;
 use crate::surface::field::{Field, Lattice, Plane};
 
 /// `field` within `hulls`, the sections of its slices, averaged.
@@ -28,7 +29,7 @@ const ROUNDS: usize = 2;
 const LIFTS: usize = 3;
 
 /// Averages the field over neighbours within and across slices, but beside
-/// creases; silhouettes keep something behind them.
+/// creases, and fills narrow tunnels; silhouettes keep something behind them.
 ///
 /// The planes of `field` take the windows of `hulls`.
 pub(super) fn smooth(field: &mut Field, hulls: &[Plane], directions: &[Outline]) {
@@ -41,6 +42,7 @@ pub(super) fn smooth(field: &mut Field, hulls: &[Plane], directions: &[Outline])
     for _ in 0..LIFTS {
         coverage::lift(&mut field.planes, hulls, &lattice, directions);
     }
+    tunnels::fill(field, hulls);
     field.planes.par_iter_mut().zip(hulls).for_each(|(plane, hull)| {
         coverage::restore(plane, hull, &lattice, directions);
     });

@@ -1,0 +1,229 @@
+//! Narrow tunnels filled: where surfaces come as near as a few cells, noise of the field pierces
+//! them.
+
+use std::collections::HashMap;
+
+use rayon::prelude::*;
+
+use crate::surface::field::{Field, Plane};
+
+/// Gaps that so many rounds of growing close, one after the other: up to two and four nodes wide.
+const REACHES: [usize; 2] = [1, 2];
+/// What a filled node becomes, share of the pitch.
+const FILLED: f64 = 0.5;
+
+type Node = [i32; 3];
+
+/// Fills gaps of `field` that are narrower than a few nodes where that closes more tunnels than it
+/// opens; how many. Nothing outside of `hulls` is filled: where drawings see through, it stays
+/// open.
+///
+/// The planes of `field` take the windows of `hulls`.
+pub(super) fn fill(field: &mut Field, hulls: &[Plane]) -> usize {
+    let value = (FILLED * field.lattice.pitch_px) as f32;
+    let mut filled = 0;
+    for reach in REACHES {
+        let mut inside = Grid::of(field.lattice.nodes, &field.planes);
+        let mut closed = inside.clone();
+        (0..reach).for_each(|_| closed = closed.filtered(Keep::Any));
+        (0..reach).for_each(|_| closed = closed.filtered(Keep::All));
+        let mut gaps: Vec<Node> = Vec::new();
+        for (k, hull) in hulls.iter().enumerate() {
+            for (index, _) in hull.values.iter().enumerate().filter(|(_, value)| **value > 0.0) {
+                let (i, j) = hull.node(index);
+                if closed.get([i, j, k]) && !inside.get([i, j, k]) {
+                    gaps.push([i, j, k].map(|index| index as i32));
+                }
+            }
+        }
+        for part in parts(&gaps) {
+            if !add_if_closing(&mut inside, &part) {
+                continue;
+            }
+            filled += 1;
+            for [i, j, k] in part {
+                let plane = &mut field.planes[k as usize];
+                let [x, y] = [i as usize - plane.first[0], j as usize - plane.first[1]];
+                plane.values[y * plane.size[0] + x] = value;
+            }
+        }
+    }
+    filled
+}
+
+/// Nodes that touch, in faces, edges or corners.
+fn parts(nodes: &[Node]) -> Vec<Vec<Node>> {
+    let index: HashMap<Node, usize> =
+        nodes.iter().enumerate().map(|(n, &node)| (node, n)).collect();
+    let mut seen = vec![false; nodes.len()];
+    let mut parts = Vec::new();
+    for start in 0..nodes.len() {
+        if std::mem::replace(&mut seen[start], true) {
+            continue;
+        }
+        let mut part = vec![nodes[start]];
+        let mut next = 0;
+        while next < part.len() {
+            for offset in offsets() {
+                let other = [0, 1, 2].map(|axis| part[next][axis] + offset[axis]);
+                let found = index.get(&other).copied();
+                if found.is_some_and(|found| !std::mem::replace(&mut seen[found], true)) {
+                    part.push(other);
+                }
+            }
+            next += 1;
+        }
+        parts.push(part);
+    }
+    parts
+}
+
+fn offsets() -> impl Iterator<Item = Node> {
+    (0..27).map(|n| [n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1])
+}
+
+/// Adds nodes if that makes Euler's characteristic of the cubes about the nodes inside grow: by
+/// one for each tunnel closed, less one for each opened. Whether it did.
+fn add_if_closing(inside: &mut Grid, added: &[Node]) -> bool {
+    let mut change = 0;
+    for &node in added {
+        for offset in offsets() {
+            // A corner, edge or side of the cube, or the cube itself: new if no other cube has it.
+            let is_new = !(0..8).any(|bits| {
+                let near = [0, 1, 2].map(|axis| node[axis] + offset[axis] * (bits >> axis & 1));
+                inside.contains(near)
+            });
+            if is_new {
+                let dimension = offset.iter().filter(|step| **step == 0).count();
+                change += if dimension % 2 == 0 { 1 } else { -1 };
+            }
+        }
+        inside.set(node, true);
+    }
+    if change <= 0 {
+        added.iter().for_each(|&node| inside.set(node, false));
+    }
+    change > 0
+}
+
+/// Whether each node of a lattice is inside.
+#[derive(Clone)]
+struct Grid {
+    nodes: [usize; 3],
+    /// X fastest.
+    inside: Vec<bool>,
+}
+
+/// What a node needs of itself and its neighbours to be inside.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Keep {
+    Any,
+    All,
+}
+
+impl Grid {
+    fn of(nodes: [usize; 3], planes: &[Plane]) -> Self {
+        let mut inside = vec![false; nodes.iter().product()];
+        let slices = inside.par_chunks_mut((nodes[0] * nodes[1]).max(1));
+        slices.zip(planes).for_each(|(slice, plane)| {
+            for (index, _) in plane.values.iter().enumerate().filter(|(_, value)| **value > 0.0) {
+                let (i, j) = plane.node(index);
+                slice[j * nodes[0] + i] = true;
+            }
+        });
+        Self { nodes, inside }
+    }
+
+    fn get(&self, [i, j, k]: [usize; 3]) -> bool {
+        self.inside[(k * self.nodes[1] + j) * self.nodes[0] + i]
+    }
+
+    fn set(&mut self, node: Node, value: bool) {
+        let [i, j, k] = node.map(|index| index as usize);
+        self.inside[(k * self.nodes[1] + j) * self.nodes[0] + i] = value;
+    }
+
+    /// Outside beyond the lattice.
+    fn contains(&self, node: Node) -> bool {
+        let within = (0..3).all(|axis| node[axis] >= 0 && (node[axis] as usize) < self.nodes[axis]);
+        within && self.get(node.map(|index| index as usize))
+    }
+
+    /// Each node by those in the cube of three nodes about it. Rows follow each other: at the
+    /// border, where nothing is, the next one's first node counts as a neighbour.
+    fn filtered(&self, keep: Keep) -> Self {
+        let mix = |own: &mut bool, other: &bool| match keep {
+            Keep::Any => *own |= other,
+            Keep::All => *own &= other,
+        };
+        let mut grid = self.clone();
+        for stride in [1, self.nodes[0], self.nodes[0] * self.nodes[1]] {
+            let source = grid.inside.clone();
+            let stride = stride.min(source.len());
+            grid.inside[stride..]
+                .iter_mut()
+                .zip(&source)
+                .for_each(|(own, before)| mix(own, before));
+            let after = &source[stride..];
+            grid.inside.iter_mut().zip(after).for_each(|(own, after)| mix(own, after));
+        }
+        grid
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::surface::field::Lattice;
+    use nalgebra::Point3;
+
+    /// A block of 20 nodes with a square tunnel of some width through it along Y.
+    fn pierced(width: usize) -> (Field, Vec<Plane>) {
+        let lattice = Lattice { origin: Point3::origin(), pitch_px: 1.0, nodes: [24, 24, 24] };
+        let whole = |k: usize| {
+            let inside = |index: usize| (2..22).contains(&index);
+            let values = (0..24 * 24)
+                .map(|n| if inside(n % 24) && inside(n / 24) && inside(k) { 3.0 } else { -3.0 });
+            Plane { first: [0, 0], size: [24, 24], values: values.collect(), creases: vec![] }
+        };
+        let hulls: Vec<Plane> = (0..24).map(whole).collect();
+        let mut planes = hulls.clone();
+        let gap = 10..10 + width;
+        for plane in &mut planes[gap.clone()] {
+            let columns = plane.values.iter_mut().enumerate();
+            columns.filter(|(n, _)| gap.contains(&(n % 24))).for_each(|(_, value)| *value = -3.0);
+        }
+        (Field { lattice, planes }, hulls)
+    }
+
+    fn inside(field: &Field) -> usize {
+        let values = field.planes.iter().flat_map(|plane| &plane.values);
+        values.filter(|value| **value > 0.0).count()
+    }
+
+    #[test]
+    fn narrow_tunnels_are_filled_and_wide_ones_stay() {
+        for (width, filled) in [(1, 1), (2, 1), (4, 1), (6, 0)] {
+            let (mut field, hulls) = pierced(width);
+            assert_eq!(fill(&mut field, &hulls), filled, "{width}");
+            let hole = if filled == 0 { width * width * 20 } else { 0 };
+            assert_eq!(inside(&field), 8000 - hole);
+        }
+    }
+
+    #[test]
+    fn what_drawings_see_through_and_slits_stay_open() {
+        let (mut field, _) = pierced(2);
+        let hulls = field.planes.clone();
+        assert_eq!(fill(&mut field, &hulls), 0);
+        // A slit from above: it goes around nothing.
+        let (mut field, hulls) = pierced(2);
+        for plane in &mut field.planes[10..] {
+            let columns = plane.values.iter_mut().enumerate();
+            columns.filter(|(n, _)| (10..12).contains(&(n % 24))).for_each(|(_, v)| *v = -3.0);
+        }
+        let before = inside(&field);
+        assert_eq!(fill(&mut field, &hulls), 0);
+        assert_eq!(inside(&field), before);
+    }
+}
