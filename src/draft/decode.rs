@@ -74,8 +74,8 @@ pub(super) fn decode_sheet(
     let threads = pool.current_num_threads();
     let has_truth = document.has_truth();
     check_sizes(&inspected, options, threads, has_truth, limits.max_working_bytes)?;
-    let pixels = inspected.iter().map(|view| u64::from(view.width_px) * u64::from(view.height_px));
-    let reduction = options.reduction(pixels.max().unwrap_or(0), has_truth);
+    let (width, height) = largest(&inspected);
+    let reduction = options.reduction(u64::from(width) * u64::from(height), has_truth);
     let decoded: Vec<_> = pool.install(|| {
         inspected
             .par_iter()
@@ -102,10 +102,14 @@ pub(super) fn decode_sheet(
         }
         _ => (views.into_iter().map(DecodedView::into_drawn).collect(), None),
     };
-    let sheet = Sheet::new(views)
-        .map_err(|error| DraftError::input(FailureCode::InvalidSheet, error))?
-        .with_matches(&document.matches, options.max_pair_angle_deg)
-        .map_err(|error| DraftError::input(FailureCode::InvalidMatches, error))?;
+    let mut sheet =
+        Sheet::new(views).map_err(|error| DraftError::input(FailureCode::InvalidSheet, error))?;
+    // Those are places of the drawings as sent, for the method that takes them as they are.
+    if preparation.is_none() {
+        sheet = sheet
+            .with_matches(&document.matches, options.max_pair_angle_deg)
+            .map_err(|error| DraftError::input(FailureCode::InvalidMatches, error))?;
+    }
     let holes = match &preparation {
         None => document.holes.clone(),
         Some(done) => done.holes(document),
@@ -145,6 +149,12 @@ fn inspect<'a>(
     Ok(Inspected { document: view, azimuth, elevation, drawing, mask, width_px, height_px })
 }
 
+/// The largest width and the largest height.
+fn largest(views: &[Inspected<'_>]) -> (u32, u32) {
+    let most = |pick: fn(&Inspected<'_>) -> u32| views.iter().map(pick).max().unwrap_or(0);
+    (most(|view| view.width_px), most(|view| view.height_px))
+}
+
 fn check_sizes(
     views: &[Inspected<'_>],
     options: &Options,
@@ -168,9 +178,7 @@ fn check_sizes(
             return Err(DraftError::input(FailureCode::SizesDiffer, detail));
         }
     }
-    let largest = |pick: fn(&Inspected<'_>) -> u32| views.iter().map(pick).max().unwrap_or(0);
-    let size = (largest(|view| view.width_px), largest(|view| view.height_px));
-    check_memory(views.len(), size, options, threads, has_truth, max_working_bytes)
+    check_memory(views.len(), largest(views), options, threads, has_truth, max_working_bytes)
 }
 
 /// What a reconstruction may hold in memory at once where nothing else is said,
@@ -234,6 +242,8 @@ pub(super) struct DecodedView<'a> {
     pub drawing: RgbaImage,
     /// Given as a file; 128 and above inside.
     pub mask: Option<GrayImage>,
+    /// Whether left and right of the drawing as sent are exchanged.
+    pub turned: bool,
     /// Of the drawing as sent.
     pub width_px: u32,
     /// How many times fewer columns and rows the drawing has than the one sent.
@@ -249,7 +259,7 @@ impl DecodedView<'_> {
     /// Where a place of the drawing as sent, px, is in this one, which may be turned and reduced.
     pub(super) fn place(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let width = f64::from(self.width_px);
-        let turned = if self.document.mirrored { width - x } else { x };
+        let turned = if self.turned { width - x } else { x };
         [turned / self.reduction, y / self.reduction]
     }
 
@@ -299,7 +309,8 @@ fn decode<'a>(
         mask = mask.map(|mask| reduced_mask(&mask, reduction));
     }
     let (azimuth, elevation) = (view.azimuth, view.elevation);
-    Ok(DecodedView { document, azimuth, elevation, drawing, mask, width_px, reduction })
+    let turned = document.mirrored;
+    Ok(DecodedView { document, azimuth, elevation, drawing, mask, turned, width_px, reduction })
 }
 
 #[cfg(test)]

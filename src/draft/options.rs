@@ -66,8 +66,8 @@ pub struct SheetOptions {
     pub prepare: Preparation,
     /// What is done about views that fit better otherwise.
     pub repair: Repair,
-    /// Larger drawings are all reduced, by one factor, until the largest has no more
-    /// megapixels; maps and pictures are of that size then. Nothing is reduced if there is a
+    /// Larger drawings are all reduced, by one factor, until the largest has about so
+    /// many megapixels; maps and pictures are of that size then. Nothing is reduced if there is a
     /// truth to compare with, nor with `prepare=off`.
     #[schemars(range(min = 0.001, max = 1000.0))]
     pub max_megapixels: f64,
@@ -178,8 +178,8 @@ impl Options {
         }
     }
 
-    /// By how much drawings of which the largest has so many pixels are reduced; 1 for not at
-    /// all.
+    /// By how much drawings are reduced whose largest width and height make so many pixels; 1
+    /// for not at all.
     ///
     /// * `has_truth`: whether there is something to compare with, pixel by pixel.
     pub fn reduction(&self, pixels: u64, has_truth: bool) -> f64 {
@@ -211,9 +211,10 @@ impl Options {
                 if reduction <= 1.0 {
                     return working;
                 }
-                // Each thread holds a drawing as it was sent at a time.
+                // Each thread holds a drawing as it was sent at a time; one that waits may begin
+                // with another.
                 let whole = pixels.saturating_mul(DECODING_BYTES_PER_PIXEL);
-                working.saturating_add(whole.saturating_mul(threads.min(views) as u64))
+                working.saturating_add(whole.saturating_mul((2 * threads).min(views) as u64))
             }
             Method::Uncalibrated => {
                 let options = self.uncalibrated();

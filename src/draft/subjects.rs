@@ -73,7 +73,7 @@ impl PlaceOnCanvas {
         Self {
             azimuth_deg: view.document.azimuth_deg,
             viewpoint: view.viewpoint(),
-            turned_width: view.document.mirrored.then_some(f64::from(view.width_px)),
+            turned_width: view.turned.then_some(f64::from(view.width_px)),
             reduction: view.reduction,
             transform,
         }
@@ -90,7 +90,7 @@ impl Preparation {
     /// views that there are not stay.
     pub(super) fn holes(&self, document: &SheetDocument) -> Vec<HoleDocument> {
         let moved = |hole: &HoleDocument| {
-            let elevation_deg = hole.elevation_deg.unwrap_or(document.elevation_deg);
+            let elevation_deg = hole.elevation_deg.unwrap_or(0.0);
             let place = self.places.iter().find(|place| {
                 let viewpoint = &place.viewpoint;
                 let apart = (place.azimuth_deg - hole.azimuth_deg).rem_euclid(360.0);
@@ -432,6 +432,7 @@ fn follow(
         }
         Suggestion::Mirrored { azimuth_deg } => {
             let Some(at) = place(views, azimuth_deg) else { return Ok(false) };
+            views[at].turned ^= true;
             imageops::flip_horizontal_in_place(&mut views[at].drawing);
             let subject = &mut subjects[at];
             imageops::flip_horizontal_in_place(&mut subject.mask);
@@ -530,9 +531,16 @@ mod tests {
         };
         let azimuth = Azimuth::from_degrees(0.0).unwrap();
         let elevation = Elevation::LEVEL;
-        let (mask, width_px, reduction) = (None, drawing.width(), 1.0);
-        let document = &document;
-        let view = DecodedView { document, azimuth, elevation, drawing, mask, width_px, reduction };
+        let view = DecodedView {
+            document: &document,
+            azimuth,
+            elevation,
+            width_px: drawing.width(),
+            drawing,
+            mask: None,
+            turned: false,
+            reduction: 1.0,
+        };
         let mask = find_in(&view, &Options::default(), &Silent).unwrap().mask;
         let columns = |columns: std::ops::Range<u32>| {
             columns.filter(|x| mask.get_pixel(*x, 50).0[0] != 0).count()

@@ -43,11 +43,12 @@ pub(super) fn run(run: &Run<'_>, delivery: Delivery<'_>) -> Result<Summary, Draf
     let truth = against_truth(&draft, truths, pool, &exporting)?;
     let bounds = draft.solid.mesh.bounds();
     let bounds = bounds.ok_or_else(|| DraftError::internal("a solid without points"))?;
-    let mut export = options.export.clone();
-    // Of the drawings as sent.
+    let mut on_sheet = options.clone();
+    // Options tell of the drawings as sent.
     let reduction = preparation.map_or(1.0, Preparation::reduction);
-    export.pixels_per_metre = export.pixels_per_metre.map(|pixels| pixels / reduction);
-    let placement = Placement::new(bounds, &export);
+    let metre = &mut on_sheet.export.pixels_per_metre;
+    *metre = metre.map(|pixels| pixels / reduction);
+    let placement = Placement::new(bounds, &on_sheet.export);
     let axes = |auto| {
         let axes = options.export.file_axes(auto);
         axes.ok_or_else(|| DraftError::internal("options that conflict"))
@@ -64,7 +65,7 @@ pub(super) fn run(run: &Run<'_>, delivery: Delivery<'_>) -> Result<Summary, Draf
         Ok(files)
     })?;
     let cleaned =
-        Files { artifacts: cleaned(&draft, document, run.holes, options)?, ..Files::default() };
+        Files { artifacts: cleaned(&draft, document, run.holes, &on_sheet)?, ..Files::default() };
     exporter.take(cleaned)?;
     exporter.take(model_files(&draft, &quads, &placement, &frames, own.reference_planes)?)?;
     exporter.unit_done("mesh")?;

@@ -44,19 +44,27 @@ struct Cluster {
 const SHORT: f64 = 0.45;
 /// An edge that is longer by this factor than the other diagonal of its two triangles is flipped.
 const LONG: f64 = 1.1;
+/// How much of the queue is worked off until it is asked whether to stop.
+const POPS_BETWEEN_QUESTIONS: usize = 4096;
 /// Rounds of flips.
 const FLIPS: usize = 3;
 /// Triangles that turn more against each other keep their edge: cosine.
 const FLIP_TURN: f64 = 0.5;
 
-pub(crate) fn collapsed(fine: &Mesh, level: &Level, side: f64) -> Collapsed {
+/// `None` if `stopped` says so.
+pub(crate) fn collapsed(
+    fine: &Mesh,
+    level: &Level,
+    side: f64,
+    stopped: &dyn Fn() -> bool,
+) -> Option<Collapsed> {
     let mut surface = Surface::new(fine, level);
-    surface.collapse(side, |met, _| met.steps == [0, 0]);
-    surface.collapse(side, |_, length| length < SHORT * side);
+    surface.collapse(side, stopped, |met, _| met.steps == [0, 0])?;
+    surface.collapse(side, stopped, |_, length| length < SHORT * side)?;
     for _ in 0..FLIPS {
         surface.flip();
     }
-    surface.finished()
+    Some(surface.finished())
 }
 
 struct Surface {
@@ -106,7 +114,12 @@ impl Surface {
     }
 
     /// Collapses edges that `merges` wants, those whose lattices agree best first.
-    fn collapse(&mut self, side: f64, merges: impl Fn(&Meeting, f64) -> bool) {
+    fn collapse(
+        &mut self,
+        side: f64,
+        stopped: &dyn Fn() -> bool,
+        merges: impl Fn(&Meeting, f64) -> bool,
+    ) -> Option<()> {
         let mut queue = BinaryHeap::new();
         let asked = |surface: &Self, a: u32, b: u32| {
             let met = surface.meeting(a, b, side);
@@ -118,7 +131,12 @@ impl Surface {
             let later = self.around(vertex).into_iter().filter(|&other| other > vertex);
             queue.extend(later.filter_map(|other| asked(self, vertex, other)));
         }
+        let mut popped = 0;
         while let Some(entry) = queue.pop() {
+            popped += 1;
+            if popped % POPS_BETWEEN_QUESTIONS == 0 && stopped() {
+                return None;
+            }
             let Reverse((_, kept, gone)) = entry;
             let [kept_around, gone_around] = [kept, gone].map(|vertex| self.around(vertex));
             if !gone_around.contains(&kept) {
@@ -139,6 +157,7 @@ impl Surface {
                 queue.extend(around.into_iter().filter_map(|other| asked(self, kept, other)));
             }
         }
+        Some(())
     }
 
     /// Whether the edge between two vertices with these neighbours can go: exactly two neighbours

@@ -5,6 +5,7 @@ use std::collections::{HashMap, HashSet};
 use mesh::quads::Face;
 use nalgebra::{Point3, Vector3};
 
+use super::QuadMesh;
 use super::collapse::Hold;
 use super::ground::Ground;
 
@@ -106,9 +107,25 @@ impl Faces {
         Self { positions, holds, corners: quads }
     }
 
+    /// The quads, without vertices that no face has any longer.
+    pub(crate) fn into_quads(self) -> QuadMesh {
+        let mut quads = self.with_shorter_diagonals();
+        let mut new_index = vec![u32::MAX; self.positions.len()];
+        let mut positions = Vec::with_capacity(self.positions.len());
+        for corner in quads.as_flattened_mut() {
+            let index = &mut new_index[*corner as usize];
+            if *index == u32::MAX {
+                *index = positions.len() as u32;
+                positions.push(self.positions[*corner as usize]);
+            }
+            *corner = *index;
+        }
+        QuadMesh { positions, quads }
+    }
+
     /// Of faces that are quads: the corners of each, from an end of the shorter diagonal; of the
     /// other where that one would be an edge that there is.
-    pub(crate) fn with_shorter_diagonals(&self) -> Vec<[u32; 4]> {
+    fn with_shorter_diagonals(&self) -> Vec<[u32; 4]> {
         let of_face = |corners: &Vec<u32>| <[u32; 4]>::try_from(corners.as_slice()).ok();
         let quads: Vec<[u32; 4]> = self.corners.iter().filter_map(of_face).collect();
         let sides = quads.iter().flat_map(|&[a, b, c, d]| [(a, b), (b, c), (c, d), (d, a)]);

@@ -10,8 +10,8 @@ const ROUNDS: usize = 6;
 /// Keeps planes that are nearly parallel from meeting far away.
 const PARALLEL: f64 = 1e-4;
 
-/// Fills the levels' `lattice`; cells have the side `side`.
-pub(crate) fn smooth(levels: &mut [Level], side: f64) {
+/// Fills the levels' `lattice`; cells have the side `side`. `None` if `stopped` says so.
+pub(crate) fn smooth(levels: &mut [Level], side: f64, stopped: &dyn Fn() -> bool) -> Option<()> {
     for index in (0..levels.len()).rev() {
         let (finer, coarser) = levels.split_at_mut(index + 1);
         let level = &mut finer[index];
@@ -25,11 +25,15 @@ pub(crate) fn smooth(levels: &mut [Level], side: f64) {
             level.lattice[vertex] = flattened(level, vertex, &level.lattice[vertex]);
         }
         for _ in 0..ROUNDS {
+            if stopped() {
+                return None;
+            }
             for vertex in 0..level.points.len() {
                 level.lattice[vertex] = averaged(level, vertex, side);
             }
         }
     }
+    Some(())
 }
 
 fn flattened(level: &Level, vertex: usize, point: &Point3<f64>) -> Point3<f64> {

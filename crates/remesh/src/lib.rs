@@ -44,7 +44,7 @@ pub struct QuadMesh {
     /// The vertices, in the frame and unit of the mesh that it was made of.
     pub positions: Vec<Point3<f64>>,
     /// Corners of each, counter-clockwise seen from outside; the diagonal from the first is the
-    /// shorter one.
+    /// shorter one, unless that is an edge of others.
     pub quads: Vec<[u32; 4]>,
 }
 
@@ -69,7 +69,7 @@ const LIMITS: JoinLimits = JoinLimits { max_turn_deg: 60.0, max_corner_cosine: 0
 ///
 /// The surface stays closed and of the same genus.
 ///
-/// `stopped` is asked between steps; `None` if it says so, and for a mesh without area.
+/// `stopped` is asked many times a second; `None` if it says so, and for a mesh without area.
 pub fn quads(mesh: &Mesh, options: &QuadOptions, stopped: &dyn Fn() -> bool) -> Option<QuadMesh> {
     let area: f64 = (0..mesh.triangles.len())
         .map(|index| {
@@ -84,27 +84,17 @@ pub fn quads(mesh: &Mesh, options: &QuadOptions, stopped: &dyn Fn() -> bool) -> 
     }
     let fine = refine::refined(mesh, side / EDGES_A_CELL);
     let mut levels = vertices::levels(&fine, options.crease_angle_deg, side * CREASE_CELLS);
-    for step in [orientation::smooth as fn(&mut [vertices::Level], f64), lattice::smooth] {
-        if stopped() {
-            return None;
-        }
-        step(&mut levels, side);
-    }
-    if stopped() {
-        return None;
-    }
+    orientation::smooth(&mut levels, stopped)?;
+    lattice::smooth(&mut levels, side, stopped)?;
     let level = &levels[0];
-    let collapsed = collapse::collapsed(&fine, level, side);
+    let collapsed = collapse::collapsed(&fine, level, side, stopped)?;
     let faces = joined(&collapsed.mesh, &LIMITS);
     let coarse = faces::Faces::new(collapsed.mesh.positions, collapsed.holds, &faces);
-    if stopped() {
-        return None;
-    }
     let ground = ground::Ground::new(&fine, level);
     let mut coarse = coarse.without_doublets();
-    relax::even_out(&mut coarse, &ground);
+    relax::even_out(&mut coarse, &ground, stopped)?;
     let mut quads = coarse.subdivided(&ground, side);
-    relax::even_out(&mut quads, &ground);
-    relax::fit(&mut quads, &ground);
-    Some(QuadMesh { quads: quads.with_shorter_diagonals(), positions: quads.positions })
+    relax::even_out(&mut quads, &ground, stopped)?;
+    relax::fit(&mut quads, &ground, stopped)?;
+    Some(quads.into_quads())
 }

@@ -10,7 +10,9 @@ const ROUNDS: usize = 6;
 const CREASE_WEIGHT: f64 = 0.95;
 
 /// Fills the levels' `axes`: those of the coarsest level start out level and upright.
-pub(crate) fn smooth(levels: &mut [Level], _side: f64) {
+///
+/// `None` if `stopped` says so.
+pub(crate) fn smooth(levels: &mut [Level], stopped: &dyn Fn() -> bool) -> Option<()> {
     for index in (0..levels.len()).rev() {
         let (finer, coarser) = levels.split_at_mut(index + 1);
         let level = &mut finer[index];
@@ -24,11 +26,15 @@ pub(crate) fn smooth(levels: &mut [Level], _side: f64) {
             })
             .collect();
         for _ in 0..ROUNDS {
+            if stopped() {
+                return None;
+            }
             for vertex in 0..level.points.len() {
                 level.axes[vertex] = averaged(level, vertex);
             }
         }
     }
+    Some(())
 }
 
 fn averaged(level: &Level, vertex: usize) -> Vector3<f64> {

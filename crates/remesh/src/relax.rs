@@ -14,10 +14,17 @@ const FITS: usize = 2;
 /// Of the distance of the middles; two thirds keep what a round thing's section holds.
 const FIT: f64 = 0.66;
 
-/// Moves vertices along the surface and along its creases.
-pub(crate) fn even_out(faces: &mut Faces, ground: &Ground<'_>) {
+/// Moves vertices along the surface and along its creases. `None` if `stopped` says so.
+pub(crate) fn even_out(
+    faces: &mut Faces,
+    ground: &Ground<'_>,
+    stopped: &dyn Fn() -> bool,
+) -> Option<()> {
     let around = neighbours(faces);
     for round in 0..=ROUNDS {
+        if stopped() {
+            return None;
+        }
         let before = faces.positions.clone();
         for (vertex, position) in faces.positions.iter_mut().enumerate() {
             let hold = faces.holds[vertex];
@@ -41,11 +48,19 @@ pub(crate) fn even_out(faces: &mut Faces, ground: &Ground<'_>) {
             };
         }
     }
+    Some(())
 }
 
-/// Moves vertices off the surface so that faces lie on it in the mean.
-pub(crate) fn fit(faces: &mut Faces, ground: &Ground<'_>) {
+/// Moves vertices off the surface so that faces lie on it in the mean. `None` if `stopped` says so.
+pub(crate) fn fit(
+    faces: &mut Faces,
+    ground: &Ground<'_>,
+    stopped: &dyn Fn() -> bool,
+) -> Option<()> {
     for _ in 0..FITS {
+        if stopped() {
+            return None;
+        }
         let mut offsets = vec![(Vector3::zeros(), 0.0); faces.positions.len()];
         for corners in &faces.corners {
             let sum: Vector3<f64> =
@@ -65,6 +80,7 @@ pub(crate) fn fit(faces: &mut Faces, ground: &Ground<'_>) {
             }
         }
     }
+    Some(())
 }
 
 fn neighbours(faces: &Faces) -> Vec<Vec<u32>> {

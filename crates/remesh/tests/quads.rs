@@ -22,6 +22,7 @@ fn a_torus_keeps_its_handle_and_its_volume() {
     // Four quads about nearly every vertex.
     let mut valences = vec![0; found.positions.len()];
     found.quads.as_flattened().iter().for_each(|&corner| valences[corner as usize] += 1);
+    assert!(valences.iter().all(|&valence| valence >= 2));
     let regular = valences.iter().filter(|&&valence| valence == 4).count();
     assert!(regular as f64 > 0.9 * valences.len() as f64, "{regular} of {}", valences.len());
     // The same again.

@@ -37,6 +37,7 @@ export function python(made: Made, base: string, withKey: boolean): string {
     isFile(value)
       ? `    (${string(name)}, open(${string(value.slice(1))}, "rb")),`
       : `    (${string(name)}, (None, ${string(value)})),`;
+  const model = made.options.method === "uncalibrated" ? "hull.glb" : "solid.glb";
   const headers = withKey
     ? ['headers = {"Authorization": f"Bearer {os.environ[\'TURNAROUND_KEY\']}"}']
     : ["headers = {}"];
@@ -53,7 +54,7 @@ export function python(made: Made, base: string, withKey: boolean): string {
     'while job["state"] in ("queued", "running"):',
     '    job = requests.get(base + f"v1/reconstructions/{job[\'id\']}",',
     '                       headers={**headers, "Prefer": "wait=30"}).json()',
-    'glb = requests.get(base + f"v1/reconstructions/{job[\'id\']}/artifacts/solid.glb", headers=headers)',
-    'open("solid.glb", "wb").write(glb.content)',
+    `glb = requests.get(base + f"v1/reconstructions/{job['id']}/artifacts/${model}", headers=headers)`,
+    `open("${model}", "wb").write(glb.content)`,
   ].join("\n");
 }

@@ -161,6 +161,10 @@ describe("commands", () => {
     expect(code).toContain('("view[0]", open("it\'s a.png", "rb"))');
     expect(code).toContain('("turntable.solid.prior", (None, "off"))');
     expect(code).not.toContain("KEY");
+    expect(code).toContain("/artifacts/solid.glb");
+    // Each method's own model.
+    const other = { ...made, options: { ...made.options, method: "uncalibrated" } };
+    expect(python(other, "http://x/", false)).toContain("/artifacts/hull.glb");
   });
 });
 

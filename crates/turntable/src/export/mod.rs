@@ -75,8 +75,8 @@ const MATERIAL: &str = "drawn";
 /// The triangles of the models for where few will do.
 const LOW_POLY: [(ArtifactName, usize); 2] =
     [(ArtifactName::LowPoly2000, 2000), (ArtifactName::LowPoly500, 500)];
-/// Their quadrics may be off as far as the number of triangles asks for.
-const ANY_TOLERANCE_PX: f64 = 0.0;
+/// Nothing more is given up than the number of triangles asks for.
+const NO_TOLERANCE_PX: f64 = 0.0;
 
 /// The solid as models, and its picture.
 ///
@@ -115,7 +115,7 @@ pub fn model_files(
     let triangles = &solid.mesh.triangles;
     let encoding = |what| move |error: std::io::Error| EncodeError::new(what, error);
     let low_poly = LOW_POLY.map(|(name, faces)| {
-        let mesh = decimated(&solid.mesh, faces, ANY_TOLERANCE_PX);
+        let mesh = decimated(&solid.mesh, faces, NO_TOLERANCE_PX);
         Ok(Artifact::new(name, low_poly_glb(&mesh, &drawn)?))
     });
     let mut artifacts = vec![

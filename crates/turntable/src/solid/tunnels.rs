@@ -15,7 +15,7 @@ const FILLED: f64 = 0.5;
 type Node = [i32; 3];
 
 /// Fills gaps of `field` that are narrower than a few nodes where that closes more tunnels than it
-/// opens; how many. Nothing outside of `hulls` is filled: where drawings see through, it stays
+/// opens and encloses nothing; how many. Nothing outside of `hulls` is filled: where drawings see through, it stays
 /// open.
 ///
 /// The planes of `field` take the windows of `hulls`.
@@ -36,16 +36,20 @@ pub(super) fn fill(field: &mut Field, hulls: &[Plane]) -> usize {
                 }
             }
         }
-        for part in parts(&gaps) {
-            if !add_if_closing(&mut inside, &part) {
-                continue;
-            }
-            filled += 1;
-            for [i, j, k] in part {
-                let plane = &mut field.planes[k as usize];
-                let [x, y] = [i as usize - plane.first[0], j as usize - plane.first[1]];
-                plane.values[y * plane.size[0] + x] = value;
-            }
+        let mut closing = parts(&gaps);
+        closing.retain(|part| add_if_closing(&mut inside, part));
+        if closing.is_empty() {
+            continue;
+        }
+        // A hollow behind a narrow mouth is no tunnel.
+        let open = inside.open();
+        closing.retain(|part| !part.iter().any(|&node| inside.encloses(&open, node)));
+        filled += closing.len();
+        for [i, j, k] in closing.into_iter().flatten() {
+            let plane = &mut field.planes[k as usize];
+            let [x, y] = [i as usize - plane.first[0], j as usize - plane.first[1]];
+            let index = y * plane.size[0] + x;
+            plane.values[index] = value.min(hulls[k as usize].values[index]);
         }
     }
     filled
@@ -83,7 +87,8 @@ fn offsets() -> impl Iterator<Item = Node> {
 }
 
 /// Adds nodes if that makes Euler's characteristic of the cubes about the nodes inside grow: by
-/// one for each tunnel closed, less one for each opened. Whether it did.
+/// one for each tunnel closed and each hollow enclosed, less one for each tunnel opened and each
+/// two pieces joined. Whether it did.
 fn add_if_closing(inside: &mut Grid, added: &[Node]) -> bool {
     let mut change = 0;
     for &node in added {
@@ -149,8 +154,51 @@ impl Grid {
         within && self.get(node.map(|index| index as usize))
     }
 
-    /// Each node by those in the cube of three nodes about it. Rows follow each other: at the
-    /// border, where nothing is, the next one's first node counts as a neighbour.
+    /// The nodes outside that are connected, in faces, with the lattice's border.
+    fn open(&self) -> Vec<bool> {
+        let [columns, rows, slices] = self.nodes;
+        let strides = [1, columns, columns * rows];
+        let place = |index: usize| [index % columns, index / columns % rows, index / strides[2]];
+        let on_border = |index: usize| {
+            let at = place(index);
+            (0..3).any(|axis| at[axis] == 0 || at[axis] + 1 == self.nodes[axis])
+        };
+        let mut open = vec![false; columns * rows * slices];
+        let mut next: Vec<usize> =
+            (0..open.len()).filter(|&index| !self.inside[index] && on_border(index)).collect();
+        next.iter().for_each(|&index| open[index] = true);
+        while let Some(index) = next.pop() {
+            let at = place(index);
+            for axis in 0..3 {
+                let before = (at[axis] > 0).then(|| index - strides[axis]);
+                let after = (at[axis] + 1 < self.nodes[axis]).then(|| index + strides[axis]);
+                for other in before.into_iter().chain(after) {
+                    if !self.inside[other] && !std::mem::replace(&mut open[other], true) {
+                        next.push(other);
+                    }
+                }
+            }
+        }
+        open
+    }
+
+    /// Whether a node touches, in a face, one outside that is not `open`.
+    fn encloses(&self, open: &[bool], node: Node) -> bool {
+        let faces =
+            offsets().filter(|offset| offset.iter().map(|step| step.abs()).sum::<i32>() == 1);
+        faces.map(|offset| [0, 1, 2].map(|axis| node[axis] + offset[axis])).any(|other| {
+            let within =
+                (0..3).all(|axis| other[axis] >= 0 && (other[axis] as usize) < self.nodes[axis]);
+            within && {
+                let [i, j, k] = other.map(|index| index as usize);
+                let index = (k * self.nodes[1] + j) * self.nodes[0] + i;
+                !self.inside[index] && !open[index]
+            }
+        })
+    }
+
+    /// Each node by those in the cube of three nodes about it. Rows follow each other: at their ends
+    /// the next one's first node counts as a neighbour, which [`Keep::All`] takes back.
     fn filtered(&self, keep: Keep) -> Self {
         let mix = |own: &mut bool, other: &bool| match keep {
             Keep::Any => *own |= other,
@@ -209,6 +257,25 @@ mod tests {
             let hole = if filled == 0 { width * width * 20 } else { 0 };
             assert_eq!(inside(&field), 8000 - hole);
         }
+    }
+
+    #[test]
+    fn hollows_keep_their_mouths() {
+        let (mut field, hulls) = pierced(0);
+        let set = |field: &mut Field, [x, y, z]: [std::ops::Range<usize>; 3]| {
+            for plane in &mut field.planes[z] {
+                for (n, value) in plane.values.iter_mut().enumerate() {
+                    if x.contains(&(n % 24)) && y.contains(&(n / 24)) {
+                        *value = -3.0;
+                    }
+                }
+            }
+        };
+        set(&mut field, [7..17, 7..17, 7..17]);
+        set(&mut field, [11..13, 11..13, 17..22]);
+        let before = inside(&field);
+        assert_eq!(fill(&mut field, &hulls), 0);
+        assert_eq!(inside(&field), before);
     }
 
     #[test]

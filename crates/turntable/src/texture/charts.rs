@@ -57,18 +57,21 @@ const MAX_SHARED: usize = 4;
 /// * `mesh`: two triangles a quad, which stay together.
 /// * `labels`: per triangle a view's index, or the number of views.
 pub(super) fn charts(mesh: &Mesh, projections: &Projections<'_>, labels: &[usize]) -> Vec<usize> {
+    let normals: Vec<Vector3<f64>> =
+        (0..labels.len()).map(|face| face_normal(mesh, face)).collect();
     let chart = |face: usize| {
-        let first = face / 2 * 2;
-        if labels[first] < projections.views() {
-            labels[first]
-        } else {
-            projections.facing(&face_normal(mesh, first))
-        }
+        let halves = [face / 2 * 2, face / 2 * 2 + 1];
+        let shows_both = |label: &usize| {
+            *label < projections.views() && {
+                let toward = projections.toward(*label);
+                halves.iter().all(|&half| normals[half].dot(&toward) > MIN_FACING)
+            }
+        };
+        let label = halves.map(|half| labels[half]).into_iter().find(shows_both);
+        label.unwrap_or_else(|| projections.facing(&(normals[halves[0]] + normals[halves[1]])))
     };
     let mut charts: Vec<usize> = (0..labels.len()).map(chart).collect();
     let neighbours = neighbours(mesh);
-    let normals: Vec<Vector3<f64>> =
-        (0..labels.len()).map(|face| face_normal(mesh, face)).collect();
     for _ in 0..ROUNDS {
         if !join_small(mesh, projections, &neighbours, &normals, &mut charts) {
             break;
