@@ -538,7 +538,7 @@ mod tests {
             width_px: drawing.width(),
             drawing,
             mask: None,
-            turned: false,
+            turned: true,
             reduction: 1.0,
         };
         let mask = find_in(&view, &Options::default(), &Silent).unwrap().mask;
