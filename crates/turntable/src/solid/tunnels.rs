@@ -25,8 +25,8 @@ pub(super) fn fill(field: &mut Field, hulls: &[Plane]) -> usize {
     for reach in REACHES {
         let mut inside = Grid::of(field.lattice.nodes, &field.planes);
         let mut closed = inside.clone();
-        (0..reach).for_each(|_| closed = closed.filtered(Keep::Any));
-        (0..reach).for_each(|_| closed = closed.filtered(Keep::All));
+        (0..reach).for_each(|_| closed = closed.dilated());
+        (0..reach).for_each(|_| closed = closed.eroded());
         let mut gaps: Vec<Node> = Vec::new();
         for (k, hull) in hulls.iter().enumerate() {
             for (index, _) in hull.values.iter().enumerate().filter(|(_, value)| **value > 0.0) {
@@ -111,47 +111,91 @@ fn add_if_closing(inside: &mut Grid, added: &[Node]) -> bool {
     change > 0
 }
 
-/// Whether each node of a lattice is inside.
+/// Whether each node of a lattice is inside, a bit each.
 #[derive(Clone)]
 struct Grid {
     nodes: [usize; 3],
-    /// X fastest.
-    inside: Vec<bool>,
-}
-
-/// What a node needs of itself and its neighbours to be inside.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Keep {
-    Any,
-    All,
+    /// Of a row along X.
+    words: usize,
+    bits: Vec<u64>,
 }
 
 impl Grid {
     fn of(nodes: [usize; 3], planes: &[Plane]) -> Self {
-        let mut inside = vec![false; nodes.iter().product()];
-        let slices = inside.par_chunks_mut((nodes[0] * nodes[1]).max(1));
+        let words = nodes[0].div_ceil(64);
+        let mut bits = vec![0; words * nodes[1] * nodes[2]];
+        let slices = bits.par_chunks_mut((words * nodes[1]).max(1));
         slices.zip(planes).for_each(|(slice, plane)| {
             for (index, _) in plane.values.iter().enumerate().filter(|(_, value)| **value > 0.0) {
                 let (i, j) = plane.node(index);
-                slice[j * nodes[0] + i] = true;
+                slice[j * words + i / 64] |= 1 << (i % 64);
             }
         });
-        Self { nodes, inside }
+        Self { nodes, words, bits }
     }
 
     fn get(&self, [i, j, k]: [usize; 3]) -> bool {
-        self.inside[(k * self.nodes[1] + j) * self.nodes[0] + i]
+        self.bits[(k * self.nodes[1] + j) * self.words + i / 64] >> (i % 64) & 1 != 0
     }
 
     fn set(&mut self, node: Node, value: bool) {
         let [i, j, k] = node.map(|index| index as usize);
-        self.inside[(k * self.nodes[1] + j) * self.nodes[0] + i] = value;
+        let word = &mut self.bits[(k * self.nodes[1] + j) * self.words + i / 64];
+        *word = *word & !(1 << (i % 64)) | u64::from(value) << (i % 64);
     }
 
     /// Outside beyond the lattice.
     fn contains(&self, node: Node) -> bool {
         let within = (0..3).all(|axis| node[axis] >= 0 && (node[axis] as usize) < self.nodes[axis]);
         within && self.get(node.map(|index| index as usize))
+    }
+
+    /// With all nodes in the cubes of three nodes about those inside.
+    fn dilated(&self) -> Self {
+        let mut grid = self.clone();
+        for row in grid.bits.chunks_exact_mut(self.words.max(1)) {
+            let mut before = 0;
+            for word in 0..row.len() {
+                let own = row[word];
+                let after = row.get(word + 1).map_or(0, |next| next << 63);
+                row[word] = own | own << 1 | own >> 1 | before >> 63 | after;
+                before = own;
+            }
+        }
+        grid.clear_beyond();
+        for stride in [self.words, self.words * self.nodes[1]] {
+            let source = grid.bits.clone();
+            let stride = stride.min(source.len());
+            // A slice's last row takes the next one's first for a neighbour: at the border a gap
+            // may stay.
+            grid.bits[stride..].iter_mut().zip(&source).for_each(|(own, before)| *own |= before);
+            grid.bits.iter_mut().zip(&source[stride..]).for_each(|(own, after)| *own |= after);
+        }
+        grid
+    }
+
+    /// Without all nodes in the cubes of three nodes about those outside; none are beyond the
+    /// lattice.
+    fn eroded(&self) -> Self {
+        self.inverted().dilated().inverted()
+    }
+
+    fn inverted(&self) -> Self {
+        let mut grid = self.clone();
+        grid.bits.iter_mut().for_each(|word| *word = !*word);
+        grid.clear_beyond();
+        grid
+    }
+
+    /// Clears the bits that no node has.
+    fn clear_beyond(&mut self) {
+        let used = self.nodes[0] % 64;
+        if used > 0 {
+            let last = self.words - 1;
+            for row in self.bits.chunks_exact_mut(self.words) {
+                row[last] &= (1 << used) - 1;
+            }
+        }
     }
 
     /// The nodes outside that are connected, in faces, with the lattice's border.
@@ -165,7 +209,7 @@ impl Grid {
         };
         let mut open = vec![false; columns * rows * slices];
         let mut next: Vec<usize> =
-            (0..open.len()).filter(|&index| !self.inside[index] && on_border(index)).collect();
+            (0..open.len()).filter(|&index| on_border(index) && !self.get(place(index))).collect();
         next.iter().for_each(|&index| open[index] = true);
         while let Some(index) = next.pop() {
             let at = place(index);
@@ -173,7 +217,7 @@ impl Grid {
                 let before = (at[axis] > 0).then(|| index - strides[axis]);
                 let after = (at[axis] + 1 < self.nodes[axis]).then(|| index + strides[axis]);
                 for other in before.into_iter().chain(after) {
-                    if !self.inside[other] && !std::mem::replace(&mut open[other], true) {
+                    if !self.get(place(other)) && !std::mem::replace(&mut open[other], true) {
                         next.push(other);
                     }
                 }
@@ -191,31 +235,9 @@ impl Grid {
                 (0..3).all(|axis| other[axis] >= 0 && (other[axis] as usize) < self.nodes[axis]);
             within && {
                 let [i, j, k] = other.map(|index| index as usize);
-                let index = (k * self.nodes[1] + j) * self.nodes[0] + i;
-                !self.inside[index] && !open[index]
+                !self.get([i, j, k]) && !open[(k * self.nodes[1] + j) * self.nodes[0] + i]
             }
         })
-    }
-
-    /// Each node by those in the cube of three nodes about it. Rows follow each other: at their ends
-    /// the next one's first node counts as a neighbour, which [`Keep::All`] takes back.
-    fn filtered(&self, keep: Keep) -> Self {
-        let mix = |own: &mut bool, other: &bool| match keep {
-            Keep::Any => *own |= other,
-            Keep::All => *own &= other,
-        };
-        let mut grid = self.clone();
-        for stride in [1, self.nodes[0], self.nodes[0] * self.nodes[1]] {
-            let source = grid.inside.clone();
-            let stride = stride.min(source.len());
-            grid.inside[stride..]
-                .iter_mut()
-                .zip(&source)
-                .for_each(|(own, before)| mix(own, before));
-            let after = &source[stride..];
-            grid.inside.iter_mut().zip(after).for_each(|(own, after)| mix(own, after));
-        }
-        grid
     }
 }
 
