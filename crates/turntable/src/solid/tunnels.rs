@@ -1,8 +1,6 @@
 //! Narrow tunnels filled: where surfaces come as near as a few cells, noise of the field pierces
 //! them.
 
-use std::collections::HashMap;
-
 use rayon::prelude::*;
 
 use crate::surface::field::{Field, Plane};
@@ -21,22 +19,17 @@ type Node = [i32; 3];
 /// The planes of `field` take the windows of `hulls`.
 pub(super) fn fill(field: &mut Field, hulls: &[Plane]) -> usize {
     let value = (FILLED * field.lattice.pitch_px) as f32;
+    let within = Grid::of(field.lattice.nodes, hulls);
     let mut filled = 0;
     for reach in REACHES {
         let mut inside = Grid::of(field.lattice.nodes, &field.planes);
         let mut closed = inside.clone();
         (0..reach).for_each(|_| closed = closed.dilated());
         (0..reach).for_each(|_| closed = closed.eroded());
-        let mut gaps: Vec<Node> = Vec::new();
-        for (k, hull) in hulls.iter().enumerate() {
-            for (index, _) in hull.values.iter().enumerate().filter(|(_, value)| **value > 0.0) {
-                let (i, j) = hull.node(index);
-                if closed.get([i, j, k]) && !inside.get([i, j, k]) {
-                    gaps.push([i, j, k].map(|index| index as i32));
-                }
-            }
+        for ((gap, inside), hull) in closed.bits.iter_mut().zip(&inside.bits).zip(&within.bits) {
+            *gap &= hull & !inside;
         }
-        let mut closing = parts(&gaps);
+        let mut closing = parts(closed);
         closing.retain(|part| add_if_closing(&mut inside, part));
         if closing.is_empty() {
             continue;
@@ -55,29 +48,29 @@ pub(super) fn fill(field: &mut Field, hulls: &[Plane]) -> usize {
     filled
 }
 
-/// Nodes that touch, in faces, edges or corners.
-fn parts(nodes: &[Node]) -> Vec<Vec<Node>> {
-    let index: HashMap<Node, usize> =
-        nodes.iter().enumerate().map(|(n, &node)| (node, n)).collect();
-    let mut seen = vec![false; nodes.len()];
+/// The grid's nodes by parts that touch, in faces, edges or corners.
+fn parts(mut grid: Grid) -> Vec<Vec<Node>> {
     let mut parts = Vec::new();
-    for start in 0..nodes.len() {
-        if std::mem::replace(&mut seen[start], true) {
-            continue;
-        }
-        let mut part = vec![nodes[start]];
-        let mut next = 0;
-        while next < part.len() {
-            for offset in offsets() {
-                let other = [0, 1, 2].map(|axis| part[next][axis] + offset[axis]);
-                let found = index.get(&other).copied();
-                if found.is_some_and(|found| !std::mem::replace(&mut seen[found], true)) {
-                    part.push(other);
+    for word in 0..grid.bits.len() {
+        while grid.bits[word] != 0 {
+            let (row, first) = (word / grid.words, word % grid.words * 64);
+            let i = first + grid.bits[word].trailing_zeros() as usize;
+            let start = [i, row % grid.nodes[1], row / grid.nodes[1]].map(|index| index as i32);
+            grid.set(start, false);
+            let mut part = vec![start];
+            let mut next = 0;
+            while next < part.len() {
+                for offset in offsets() {
+                    let other = [0, 1, 2].map(|axis| part[next][axis] + offset[axis]);
+                    if grid.contains(other) {
+                        grid.set(other, false);
+                        part.push(other);
+                    }
                 }
+                next += 1;
             }
-            next += 1;
+            parts.push(part);
         }
-        parts.push(part);
     }
     parts
 }
