@@ -67,6 +67,7 @@ pub(super) fn low_poly_glb(mesh: &Mesh, drawn: &Drawn<'_>) -> Result<Vec<u8>, En
 
 /// The model with its texture, unlit: a drawing's colours are lit already.
 ///
+/// * `texture_png`: the texture, encoded.
 /// * `reference_planes`: whether each drawing is added as a plane behind the
 ///   model.
 ///
@@ -74,11 +75,12 @@ pub(super) fn low_poly_glb(mesh: &Mesh, drawn: &Drawn<'_>) -> Result<Vec<u8>, En
 /// [`EncodeError`] for a picture that cannot be written.
 pub(super) fn textured_glb(
     textured: &Textured,
+    texture_png: &[u8],
     drawn: &Drawn<'_>,
     reference_planes: bool,
 ) -> Result<Vec<u8>, EncodeError> {
     let mut file = writer();
-    let texture = file.png_texture("model", &png(&textured.texture)?);
+    let texture = file.png_texture("model", texture_png);
     let material = file.material(unlit("model", Some(texture)));
     let mut attributes = geometry(&mut file, &textured.mesh, drawn.placement);
     let coordinates = file.texture_coordinates(&textured.coordinates);
@@ -251,7 +253,8 @@ mod tests {
                 quads: vec![],
                 texture: image::RgbImage::new(8, 8),
             };
-            textured_glb(&textured, &drawn, true).unwrap()
+            let texture = png(&textured.texture).unwrap();
+            textured_glb(&textured, &texture, &drawn, true).unwrap()
         } else {
             solid_glb(&mesh, &[Support::Seen; 4], &drawn).unwrap()
         };

@@ -118,11 +118,12 @@ pub fn model_files(
         let mesh = decimated(&solid.mesh, faces, NO_TOLERANCE_PX);
         Ok(Artifact::new(name, low_poly_glb(&mesh, &drawn)?))
     });
+    let texture_png = png(&textured.texture)?;
     let mut artifacts = vec![
         Artifact::new(ArtifactName::Solid, solid_glb(&solid.mesh, &solid.support, &drawn)?),
         Artifact::new(ArtifactName::SolidObj, obj.into_bytes()),
         Artifact::new(ArtifactName::SolidMtl, mtl(MATERIAL, &texture_file).into_bytes()),
-        Artifact::new(ArtifactName::Texture, png(&textured.texture)?),
+        Artifact::new(ArtifactName::Texture, texture_png.clone()),
         Artifact::new(
             ArtifactName::SolidStl,
             stl(&printed_mm, triangles).map_err(encoding("solid.stl"))?,
@@ -131,7 +132,10 @@ pub fn model_files(
             ArtifactName::SolidThreeMf,
             three_mf(&printed_mm, triangles).map_err(encoding("solid.3mf"))?,
         ),
-        Artifact::new(ArtifactName::Textured, textured_glb(&textured, &drawn, reference_planes)?),
+        Artifact::new(
+            ArtifactName::Textured,
+            textured_glb(&textured, &texture_png, &drawn, reference_planes)?,
+        ),
         Artifact::new(ArtifactName::Relief, relief_glb(&textured, &drawn)?),
         Artifact::new(ArtifactName::Thumbnail, thumbnail(&solid.mesh)?),
     ];
