@@ -242,12 +242,27 @@ pub(super) struct DecodedView<'a> {
     pub drawing: RgbaImage,
     /// Given as a file; 128 and above inside.
     pub mask: Option<GrayImage>,
-    /// Whether left and right of the drawing as sent are exchanged.
+    /// What was done to the drawing as sent.
+    pub change: Change,
+}
+
+/// How a drawing differs from the one sent.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Change {
+    /// Whether left and right are exchanged.
     pub turned: bool,
     /// Of the drawing as sent.
     pub width_px: u32,
-    /// How many times fewer columns and rows the drawing has than the one sent.
+    /// How many times fewer columns and rows it has.
     pub reduction: f64,
+}
+
+impl Change {
+    /// Where a place of the drawing as sent, px, is now.
+    pub(super) fn place(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        let turned = if self.turned { f64::from(self.width_px) - x } else { x };
+        [turned / self.reduction, y / self.reduction]
+    }
 }
 
 impl DecodedView<'_> {
@@ -256,19 +271,12 @@ impl DecodedView<'_> {
         Viewpoint { azimuth: self.azimuth, elevation: self.elevation }
     }
 
-    /// Where a place of the drawing as sent, px, is in this one, which may be turned and reduced.
-    pub(super) fn place(&self, [x, y]: [f64; 2]) -> [f64; 2] {
-        let width = f64::from(self.width_px);
-        let turned = if self.turned { width - x } else { x };
-        [turned / self.reduction, y / self.reduction]
-    }
-
     /// What the document says of the view's place, in this drawing.
     pub(super) fn by_hand(&self) -> ByHand {
         let ViewDocument { axis_x, ground_y, scale, .. } = *self.document;
         ByHand {
-            axis_x: axis_x.map(|x| self.place([x, 0.0])[0]),
-            ground_y: ground_y.map(|y| self.place([0.0, y])[1]),
+            axis_x: axis_x.map(|x| self.change.place([x, 0.0])[0]),
+            ground_y: ground_y.map(|y| self.change.place([0.0, y])[1]),
             scale,
         }
     }
@@ -309,8 +317,8 @@ fn decode<'a>(
         mask = mask.map(|mask| reduced_mask(&mask, reduction));
     }
     let (azimuth, elevation) = (view.azimuth, view.elevation);
-    let turned = document.mirrored;
-    Ok(DecodedView { document, azimuth, elevation, drawing, mask, turned, width_px, reduction })
+    let change = Change { turned: document.mirrored, width_px, reduction };
+    Ok(DecodedView { document, azimuth, elevation, drawing, mask, change })
 }
 
 #[cfg(test)]

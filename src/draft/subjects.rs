@@ -16,7 +16,7 @@ use subject::{
 };
 
 use super::DraftError;
-use super::decode::DecodedView;
+use super::decode::{Change, DecodedView};
 use super::elevated;
 use super::options::{Options, Repair};
 use crate::failure_code::FailureCode;
@@ -62,9 +62,7 @@ struct PlaceOnCanvas {
     /// As the document has it.
     azimuth_deg: f64,
     viewpoint: Viewpoint,
-    /// Of the drawing as sent, if it was turned.
-    turned_width: Option<f64>,
-    reduction: f64,
+    change: Change,
     transform: Transform,
 }
 
@@ -73,8 +71,7 @@ impl PlaceOnCanvas {
         Self {
             azimuth_deg: view.document.azimuth_deg,
             viewpoint: view.viewpoint(),
-            turned_width: view.turned.then_some(f64::from(view.width_px)),
-            reduction: view.reduction,
+            change: view.change,
             transform,
         }
     }
@@ -83,7 +80,7 @@ impl PlaceOnCanvas {
 impl Preparation {
     /// How many times fewer columns and rows the drawings were given.
     pub(super) fn reduction(&self) -> f64 {
-        self.places.first().map_or(1.0, |place| place.reduction)
+        self.places.first().map_or(1.0, |place| place.change.reduction)
     }
 
     /// The holes of a document where they are on the views that the drawings became; those of
@@ -97,8 +94,7 @@ impl Preparation {
                 apart == 0.0 && viewpoint.elevation.degrees() == elevation_deg
             });
             let Some(place) = place else { return hole.clone() };
-            let x = place.turned_width.map_or(hole.x, |width| width - hole.x);
-            let [x, y] = place.transform.place([x / place.reduction, hole.y / place.reduction]);
+            let [x, y] = place.transform.place(place.change.place([hole.x, hole.y]));
             HoleDocument { azimuth_deg: place.viewpoint.azimuth.degrees(), x, y, ..hole.clone() }
         };
         document.holes.iter().map(moved).collect()
@@ -176,11 +172,11 @@ pub(super) fn prepare(
     }
     observer.check()?;
     let mut warnings: Vec<String> = Vec::new();
-    if let Some(view) = views.first().filter(|view| view.reduction > 1.0) {
+    if let Some(view) = views.first().filter(|view| view.change.reduction > 1.0) {
         warnings.push(format!(
             "the drawings are larger than {} megapixels and were reduced by {:.2}; places in \
              warnings and maps are in the reduced drawings' pixels (sheet.max_megapixels)",
-            options.sheet.max_megapixels, view.reduction
+            options.sheet.max_megapixels, view.change.reduction
         ));
     }
     let all = views.iter().zip(&subjects);
@@ -294,7 +290,7 @@ fn find_in(
 ) -> Result<Subject, DraftError> {
     let document = view.document;
     let point = |&given: &[f64; 2]| {
-        let [x, y] = view.place(given);
+        let [x, y] = view.change.place(given);
         Point { x, y }
     };
     let points = |given: &[[f64; 2]]| given.iter().map(point).collect();
@@ -432,7 +428,7 @@ fn follow(
         }
         Suggestion::Mirrored { azimuth_deg } => {
             let Some(at) = place(views, azimuth_deg) else { return Ok(false) };
-            views[at].turned ^= true;
+            views[at].change.turned ^= true;
             imageops::flip_horizontal_in_place(&mut views[at].drawing);
             let subject = &mut subjects[at];
             imageops::flip_horizontal_in_place(&mut subject.mask);
@@ -464,7 +460,7 @@ fn report(
         kind: subject.kind,
         polarity: subject.polarity,
         paper: subject.paper,
-        reduced_by: view.reduction,
+        reduced_by: view.change.reduction,
         as_drawn,
         by_hand,
         stroke_px: subject.stroke_px,
@@ -535,11 +531,9 @@ mod tests {
             document: &document,
             azimuth,
             elevation,
-            width_px: drawing.width(),
+            change: Change { turned: true, width_px: drawing.width(), reduction: 1.0 },
             drawing,
             mask: None,
-            turned: true,
-            reduction: 1.0,
         };
         let mask = find_in(&view, &Options::default(), &Silent).unwrap().mask;
         let columns = |columns: std::ops::Range<u32>| {
