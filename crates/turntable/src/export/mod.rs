@@ -8,12 +8,13 @@ use frames::{Elevation, FileAxes, Placement};
 use mesh::thumbnail;
 use mesh::write::{stl, three_mf};
 use picture::{EncodeError, FloatImage, normals_png, png, silhouette_png};
-
+use rayon::prelude::*;
 use remesh::QuadMesh;
 
 use crate::depth::normals_from_depth;
 use crate::draft::{Draft, DraftView};
 use crate::fit::Redrawn;
+use crate::solid::Solid;
 use crate::surface::decimate::decimated;
 use crate::texture::texture;
 use glb::{Drawn, low_poly_glb, no_triangles, relief_glb, solid_glb, textured_glb};
@@ -72,13 +73,12 @@ pub struct Frames {
 
 /// The material of the OBJ.
 const MATERIAL: &str = "drawn";
-/// The triangles of the models for where few will do.
-const LOW_POLY: [(ArtifactName, usize); 2] =
-    [(ArtifactName::LowPoly2000, 2000), (ArtifactName::LowPoly500, 500)];
+/// Makes a file.
+type Make<'a> = &'a (dyn Fn() -> Result<Vec<u8>, EncodeError> + Sync);
 /// Nothing more is given up than the number of triangles asks for.
 const NO_TOLERANCE_PX: f64 = 0.0;
 
-/// The solid as models, and its picture.
+/// The solid as models, and its picture, on rayon's current pool.
 ///
 /// * `quads`: the solid's surface, for the files with quads or textures.
 /// * `reference_planes`: whether textured.glb has each drawing as a plane
@@ -93,54 +93,64 @@ pub fn model_files(
     frames: &Frames,
     reference_planes: bool,
 ) -> Result<Files, EncodeError> {
-    let solid = &draft.solid;
     let rig = draft.rig();
     let drawn = Drawn {
         rig: &rig,
         drawings: draft.all_views().iter().map(|found| found.view).collect(),
         placement,
     };
-    let textured = texture(draft, quads).ok_or_else(no_triangles)?;
-    let Frames { obj, print } = frames;
-    let (material_file, texture_file) =
-        (ArtifactName::SolidMtl.to_string(), ArtifactName::Texture.to_string());
-    let obj = quad_obj(&textured, placement, obj, &material_file, MATERIAL);
+    let of_texture = || {
+        let textured = texture(draft, quads).ok_or_else(no_triangles)?;
+        let texture_file = ArtifactName::Texture.to_string();
+        let material_file = ArtifactName::SolidMtl.to_string();
+        let obj = quad_obj(&textured, placement, &frames.obj, &material_file, MATERIAL);
+        let of_pictures = || {
+            let picture = png(&textured.texture)?;
+            let glb = textured_glb(&textured, &picture, &drawn, reference_planes)?;
+            Ok([(ArtifactName::Texture, picture), (ArtifactName::Textured, glb)])
+        };
+        let (pictures, relief) = rayon::join(of_pictures, || relief_glb(&textured, &drawn));
+        let [picture, glb] = pictures?;
+        Ok([
+            (ArtifactName::SolidObj, obj.into_bytes()),
+            (ArtifactName::SolidMtl, mtl(MATERIAL, &texture_file).into_bytes()),
+            picture,
+            glb,
+            (ArtifactName::Relief, relief?),
+        ])
+    };
+    let (plain, textured): (_, Result<_, EncodeError>) =
+        rayon::join(|| plain_models(&draft.solid, &drawn, &frames.print), of_texture);
+    let artifacts = plain?.into_iter().chain(textured?);
+    let artifacts = artifacts.map(|(name, bytes)| Artifact::new(name, bytes)).collect();
+    Ok(Files { artifacts, ..Files::default() })
+}
+
+/// The models without a texture, and the picture.
+fn plain_models(
+    solid: &Solid,
+    drawn: &Drawn<'_>,
+    print: &FileAxes,
+) -> Result<Vec<(ArtifactName, Vec<u8>)>, EncodeError> {
+    let triangles = &solid.mesh.triangles;
+    let encoding = |what| move |error: std::io::Error| EncodeError::new(what, error);
     let printed_mm: Vec<[f32; 3]> = solid
         .mesh
         .positions
         .iter()
-        .map(|point| print.file_from_gltf(placement.gltf_from_turntable(point)))
+        .map(|point| print.file_from_gltf(drawn.placement.gltf_from_turntable(point)))
         .map(|point_m| point_m.map(|value| value * MM_PER_METRE))
         .collect();
-    let triangles = &solid.mesh.triangles;
-    let encoding = |what| move |error: std::io::Error| EncodeError::new(what, error);
-    let low_poly = LOW_POLY.map(|(name, faces)| {
-        let mesh = decimated(&solid.mesh, faces, NO_TOLERANCE_PX);
-        Ok(Artifact::new(name, low_poly_glb(&mesh, &drawn)?))
-    });
-    let texture_png = png(&textured.texture)?;
-    let mut artifacts = vec![
-        Artifact::new(ArtifactName::Solid, solid_glb(&solid.mesh, &solid.support, &drawn)?),
-        Artifact::new(ArtifactName::SolidObj, obj.into_bytes()),
-        Artifact::new(ArtifactName::SolidMtl, mtl(MATERIAL, &texture_file).into_bytes()),
-        Artifact::new(ArtifactName::Texture, texture_png.clone()),
-        Artifact::new(
-            ArtifactName::SolidStl,
-            stl(&printed_mm, triangles).map_err(encoding("solid.stl"))?,
-        ),
-        Artifact::new(
-            ArtifactName::SolidThreeMf,
-            three_mf(&printed_mm, triangles).map_err(encoding("solid.3mf"))?,
-        ),
-        Artifact::new(
-            ArtifactName::Textured,
-            textured_glb(&textured, &texture_png, &drawn, reference_planes)?,
-        ),
-        Artifact::new(ArtifactName::Relief, relief_glb(&textured, &drawn)?),
-        Artifact::new(ArtifactName::Thumbnail, thumbnail(&solid.mesh)?),
+    let low_poly = |faces| low_poly_glb(&decimated(&solid.mesh, faces, NO_TOLERANCE_PX), drawn);
+    let models: [(ArtifactName, Make<'_>); 6] = [
+        (ArtifactName::Solid, &|| solid_glb(&solid.mesh, &solid.support, drawn)),
+        (ArtifactName::SolidStl, &|| stl(&printed_mm, triangles).map_err(encoding("solid.stl"))),
+        (ArtifactName::SolidThreeMf, &|| {
+            three_mf(&printed_mm, triangles).map_err(encoding("solid.3mf"))
+        }),
+        (ArtifactName::Thumbnail, &|| thumbnail(&solid.mesh)),
+        (ArtifactName::LowPoly2000, &|| low_poly(2000)),
+        (ArtifactName::LowPoly500, &|| low_poly(500)),
     ];
-    for file in low_poly {
-        artifacts.push(file?);
-    }
-    Ok(Files { artifacts, ..Files::default() })
+    models.par_iter().map(|&(name, make)| Ok((name, make()?))).collect()
 }
