@@ -317,10 +317,10 @@ mod tests {
 
     /// Widths, half angles and turns, degrees; all strokes start in the middle, 70 px long.
     fn cases() -> impl Iterator<Item = (f64, f64, f64)> {
-        let widths = [1.5, 1.85, 2.2, 3.0, 3.7, 4.5, 6.0, 8.0];
-        let turns = [0.0_f64, 7.0, 20.0, 45.0, 71.0, 90.0, 133.0, 200.0, 301.0];
+        let widths = [1.5, 1.85, 3.0, 3.7, 5.0, 8.0];
+        let turns = [0.0_f64, 20.0, 45.0, 133.0, 301.0];
         let of_width = move |width| {
-            [12.0_f64, 18.0, 25.0, 35.0, 44.0]
+            [12.0_f64, 25.0, 44.0]
                 .into_iter()
                 .flat_map(move |half| turns.map(|turn| (width, half, turn)))
         };
