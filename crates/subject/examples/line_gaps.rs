@@ -99,6 +99,7 @@ fn drawn(
 ) -> Result<Vec<(String, GrayImage)>, Box<dyn Error>> {
     let stem = PathBuf::from(name).file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let model = PreparedModel::new(model)?;
+    let options = &DrawOptions { fit: name.ends_with(".glb"), ..options.clone() };
     let placed = model.placed(options);
     let drawer = Drawer::new(&placed, options)?;
     AZIMUTHS_DEG
