@@ -427,8 +427,9 @@ fn fit_in<'a>(
     }
     let Canvas { width, height, .. } = alignment.canvas;
     let pixels = u64::from(width) * u64::from(height);
-    let needed =
-        pixels.saturating_mul(sizes.len() as u64).saturating_mul(turntable::WORKING_BYTES_PER_PIXEL);
+    let needed = pixels
+        .saturating_mul(sizes.len() as u64)
+        .saturating_mul(turntable::WORKING_BYTES_PER_PIXEL);
     if needed <= max_working_bytes {
         return Ok(warning);
     }

@@ -460,14 +460,14 @@ fn the_canvas_grows_for_what_is_long_and_low() {
 #[test]
 fn a_canvas_larger_than_every_drawing_is_reduced() {
     let wide = GrayImage::from_fn(1600, 150, |x, y| {
-        let inside = |margin| (margin..1600 - margin).contains(&x) && (margin..150 - margin).contains(&y);
+        let inside =
+            |margin| (margin..1600 - margin).contains(&x) && (margin..150 - margin).contains(&y);
         Luma([if inside(10) && !inside(14) { 0 } else { 255 }])
     });
     let (mut document, files) =
         turntable([(0.0, wide.clone()), (90.0, image::imageops::rotate90(&wide))]);
     let allowed = 0.4;
-    document.options.get_or_insert_with(|| json!({}))["sheet"] =
-        json!({"max_megapixels": allowed});
+    document.options.get_or_insert_with(|| json!({}))["sheet"] = json!({"max_megapixels": allowed});
     let (summary, artifacts) = run(&document, &files, 2, &Silent).unwrap();
     assert!(
         summary.warnings.iter().any(|warning| warning.contains("canvas")),
