@@ -82,7 +82,8 @@ fn likelihood(shapes: &[Shape], azimuths: &[f64]) -> f64 {
         + FOLLOWED * turns(shapes, azimuths)
 }
 
-/// How well what is drawn in views goes over into that of views beside them, summed over pairs.
+/// How much what is drawn in views moves against the turn in views beside them, summed over pairs;
+/// 0 or less.
 ///
 /// Silhouettes are the same for a subject whose depth is mirrored and that turns the other way;
 /// what is drawn inside lies in front and moves with it.
@@ -92,7 +93,8 @@ fn turns(shapes: &[Shape], azimuths: &[f64]) -> f64 {
         for (k, to) in azimuths.iter().enumerate().skip(j + 1) {
             let turn_deg = (to - from + 180.0).rem_euclid(360.0) - 180.0;
             if turn_deg.abs() <= FARTHEST_TURN_DEG {
-                sum += shapes[j].relief.turned(&shapes[k].relief, turn_deg);
+                // What agrees is no gain: views farther apart can't be followed at all.
+                sum += 2.0 * shapes[j].relief.turned(&shapes[k].relief, turn_deg).min(0.0);
             }
         }
     }
