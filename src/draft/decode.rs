@@ -97,7 +97,9 @@ pub(super) fn decode_sheet(
     });
     let (views, preparation) = match (options.method, options.sheet.prepare) {
         (Method::Turntable, options::Preparation::Auto) => {
-            let (views, done) = pool.install(|| subjects::prepare(views, options, observer))?;
+            let most = limits.max_working_bytes;
+            let (views, done) =
+                pool.install(|| subjects::prepare(views, options, most, observer))?;
             (views, Some(done))
         }
         _ => (views.into_iter().map(DecodedView::into_drawn).collect(), None),

@@ -68,7 +68,8 @@ pub struct SheetOptions {
     pub repair: Repair,
     /// Larger drawings are all reduced, by one factor, until the largest has about so
     /// many megapixels; maps and pictures are of that size then. Nothing is reduced if there is a
-    /// truth to compare with, nor with `prepare=off`.
+    /// truth to compare with, nor with `prepare=off`. The canvas on which views of differing sizes
+    /// are laid is reduced likewise, unless the drawings themselves are larger.
     #[schemars(range(min = 0.001, max = 1000.0))]
     pub max_megapixels: f64,
 }

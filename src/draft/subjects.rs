@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 use sheet::{HoleDocument, SheetDocument, View, ViewDocument};
 use subject::{
-    AlignOptions, Aligned, Alignment, ByHand, DrawingKind, Gap, Hints, HypothesisOptions,
+    AlignOptions, Aligned, Alignment, ByHand, Canvas, DrawingKind, Gap, Hints, HypothesisOptions,
     PaperSummary, Piece, Point, Polarity, Removed, Subject, SubjectError, SubjectOptions,
     Suggestion, Transform, align, apply, find, hypotheses, place_by_hand, trust,
 };
@@ -141,11 +141,15 @@ pub(super) struct SuggestionReport {
 /// Finds the subject in each drawing and lays the views on one canvas where
 /// they differ in size, scale or place.
 ///
+/// * `max_working_bytes`: what the job may hold in memory.
+///
 /// # Errors
-/// [`DraftError::Input`] for a drawing without a subject, naming its view.
+/// [`DraftError::Input`] for a drawing without a subject, naming its view, and for a canvas that
+/// memory does not allow.
 pub(super) fn prepare(
     mut views: Vec<DecodedView<'_>>,
     options: &Options,
+    max_working_bytes: u64,
     observer: &dyn Observer,
 ) -> Result<(Vec<View>, Preparation), DraftError> {
     views.sort_by_key(DecodedView::viewpoint);
@@ -191,7 +195,11 @@ pub(super) fn prepare(
     let enlarges = !subjects.iter().all(is_clean) && enlarge(&mut alignment);
     let moved = enlarges || needs_canvas(&alignment);
     let size = (alignment.canvas.width, alignment.canvas.height);
-    let places = elevated::places(&mut alignment, (&views, &subjects), &elevated);
+    let mut places = elevated::places(&mut alignment, (&views, &subjects), &elevated);
+    let drawn = views.iter().chain(elevated.iter().map(|(view, _)| view));
+    if let Some(warning) = fit_in(&mut alignment, &mut places, drawn, options, max_working_bytes)? {
+        warnings.push(warning);
+    }
     let moves = moved || size != (alignment.canvas.width, alignment.canvas.height);
     let laid = if moves { apply(&alignment, &paired(&views, &subjects)) } else { Vec::new() };
     let doubts = if suggestions.iter().all(|suggestion| suggestion.applied) {
@@ -386,6 +394,53 @@ fn enlarge(alignment: &mut Alignment) -> bool {
     }
     alignment.changes = true;
     true
+}
+
+/// Holds the canvas, which can be larger than every drawing, against what the job may take: one
+/// that is larger than `sheet.max_megapixels` and the drawings is reduced, with a warning.
+///
+/// * `places`: those of `elevated` on the canvas.
+/// * `drawn`: all views.
+fn fit_in<'a>(
+    alignment: &mut Alignment,
+    places: &mut [Transform],
+    drawn: impl Iterator<Item = &'a DecodedView<'a>>,
+    options: &Options,
+    max_working_bytes: u64,
+) -> Result<Option<String>, DraftError> {
+    let (width, height) = (alignment.canvas.width, alignment.canvas.height);
+    let pixels = f64::from(width) * f64::from(height);
+    let sizes: Vec<(u32, u32)> = drawn.map(|view| view.drawing.dimensions()).collect();
+    let largest = |side: fn(&(u32, u32)) -> u32| sizes.iter().map(side).max().unwrap_or(0);
+    let drawings = f64::from(largest(|size| size.0)) * f64::from(largest(|size| size.1));
+    let factor = (pixels / drawings.max(options.sheet.max_megapixels * 1e6)).sqrt();
+    let mut warning = None;
+    if factor > 1.0 {
+        let onto = alignment.shrink(factor);
+        places.iter_mut().for_each(|place| *place = place.then(&onto));
+        let canvas = &alignment.canvas;
+        warning = Some(format!(
+            "the canvas on which the views fit together is {width}x{height} px and was reduced to \
+             {}x{} (sheet.max_megapixels); maps and the draft are of that size",
+            canvas.width, canvas.height
+        ));
+    }
+    let Canvas { width, height, .. } = alignment.canvas;
+    let pixels = u64::from(width) * u64::from(height);
+    let needed = pixels
+        .saturating_mul(sizes.len() as u64)
+        .saturating_mul(turntable::WORKING_BYTES_PER_PIXEL);
+    if needed <= max_working_bytes {
+        return Ok(warning);
+    }
+    let code = FailureCode::TooLarge;
+    let detail = format!(
+        "the {} views fit together on a canvas of {width}x{height} px, which needs about {needed} \
+         bytes of memory, over the limit of {max_working_bytes}; draw them to one scale or lower \
+         sheet.max_megapixels",
+        sizes.len()
+    );
+    Err(DraftError::input(code, detail))
 }
 
 fn suggestions(

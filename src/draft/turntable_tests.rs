@@ -457,6 +457,29 @@ fn the_canvas_grows_for_what_is_long_and_low() {
     }
 }
 
+#[test]
+fn a_canvas_larger_than_every_drawing_is_reduced() {
+    let wide = GrayImage::from_fn(1600, 150, |x, y| {
+        let inside =
+            |margin| (margin..1600 - margin).contains(&x) && (margin..150 - margin).contains(&y);
+        Luma([if inside(10) && !inside(14) { 0 } else { 255 }])
+    });
+    let (mut document, files) =
+        turntable([(0.0, wide.clone()), (90.0, image::imageops::rotate90(&wide))]);
+    let allowed = 0.4;
+    document.options.get_or_insert_with(|| json!({}))["sheet"] = json!({"max_megapixels": allowed});
+    let (summary, artifacts) = run(&document, &files, 2, &Silent).unwrap();
+    assert!(
+        summary.warnings.iter().any(|warning| warning.contains("canvas")),
+        "{:?}",
+        summary.warnings
+    );
+    let metrics = metrics(&artifacts);
+    let side = |name: &str| metrics[name].as_f64().unwrap();
+    let pixels = side("width_px") * side("height_px");
+    assert!((0.9 * allowed..1.05 * allowed).contains(&(pixels / 1e6)), "{pixels}");
+}
+
 /// A drawing moved to the right and down.
 fn moved(drawing: &GrayImage, right: u32, down: u32) -> GrayImage {
     GrayImage::from_fn(drawing.width(), drawing.height(), |x, y| {

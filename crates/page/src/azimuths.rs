@@ -23,11 +23,15 @@ const WIDTH_TURN: f64 = 0.08;
 const WIDTH_SKEW: f64 = 0.02;
 const WIDTH_NOISE: f64 = 0.03;
 /// Rows are so alike that all count as so many.
-const ROWS: f64 = 8.0;
+const ROWS: f64 = 4.0;
 /// Weights of what faces and feet tell.
 const FACE: f64 = 2.0;
 const FACING: f64 = 1.5;
 const FEET: f64 = 1.2;
+/// Weight of what is drawn inside being where the turn brings it, and the farthest turn over
+/// which it is followed, degrees.
+const FOLLOWED: f64 = 20.0;
+const FARTHEST_TURN_DEG: f64 = 61.0;
 
 /// The best order, how likely each azimuth of it is and all together.
 #[derive(Clone, Debug, PartialEq)]
@@ -75,6 +79,26 @@ fn likelihood(shapes: &[Shape], azimuths: &[f64]) -> f64 {
     normal(&middles, MIDDLE_NOISE, shapes.len(), &middle)
         + normal(&widths, WIDTH_NOISE, shapes.len(), &width)
         + faces(shapes, &angles)
+        + FOLLOWED * turns(shapes, azimuths)
+}
+
+/// How much what is drawn in views moves against the turn in views beside them, summed over pairs;
+/// 0 or less.
+///
+/// Silhouettes are the same for a subject whose depth is mirrored and that turns the other way;
+/// what is drawn inside lies in front and moves with it.
+fn turns(shapes: &[Shape], azimuths: &[f64]) -> f64 {
+    let mut sum = 0.0;
+    for (j, from) in azimuths.iter().enumerate() {
+        for (k, to) in azimuths.iter().enumerate().skip(j + 1) {
+            let turn_deg = (to - from + 180.0).rem_euclid(360.0) - 180.0;
+            if turn_deg.abs() <= FARTHEST_TURN_DEG {
+                // What agrees is no gain: views farther apart can't be followed at all.
+                sum += 2.0 * shapes[j].relief.turned(&shapes[k].relief, turn_deg).min(0.0);
+            }
+        }
+    }
+    sum
 }
 
 fn covariance(angles: &[f64], of: impl Fn(f64, f64) -> f64) -> DMatrix<f64> {

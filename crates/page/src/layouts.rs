@@ -10,11 +10,11 @@ pub(crate) struct Layout {
 
 /// What turning the other way costs, and reading from right to left.
 const OTHER_WAY: f64 = -0.1;
-const REVERSED: f64 = -2.5;
+const REVERSED: f64 = -6.0;
 /// What beginning a full turn elsewhere than at the front costs.
-const LATER_START: f64 = -3.0;
+const LATER_START: f64 = -8.0;
 /// What full turns of steps other than 45 and 90 degrees cost on a page.
-const ODD_STEP: f64 = -2.5;
+const ODD_STEP: f64 = -6.0;
 
 /// Orders for `count` views, those in which the side faces left.
 fn usual(count: usize) -> &'static [(&'static [i32], f64)] {

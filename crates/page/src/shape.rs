@@ -82,6 +82,77 @@ impl Profile {
     }
 }
 
+/// Rows and columns of a [`Relief`].
+const RELIEF_ROWS: usize = 32;
+const RELIEF_COLUMNS: usize = 48;
+/// What lies farther aside on a round body is too oblique to be followed, degrees.
+const OBLIQUE_DEG: f64 = 75.0;
+/// Fewer cells seen in both views tell nothing.
+const LEAST_SHARED: usize = 64;
+
+/// How much the brightness changes inside of a view, row by row from its left to its right end.
+#[derive(Clone, Debug)]
+pub(crate) struct Relief(Vec<[f64; RELIEF_COLUMNS]>);
+
+impl Relief {
+    fn of(inner: &Bits, detail: &Raster<u8>, top: usize, bottom: usize) -> Self {
+        let mut rows = vec![[0.0; RELIEF_COLUMNS]; RELIEF_ROWS];
+        for (k, cells) in rows.iter_mut().enumerate() {
+            let row = |k: usize| top + k * (bottom - top) / RELIEF_ROWS;
+            let mut counts = [0.0_f64; RELIEF_COLUMNS];
+            for y in row(k)..row(k + 1).max(row(k) + 1).min(inner.height) {
+                let set = inner.row(y);
+                let (Some(first), Some(last)) =
+                    (set.iter().position(|is| *is), set.iter().rposition(|is| *is))
+                else {
+                    continue;
+                };
+                for x in (first..=last).filter(|x| set[*x]) {
+                    let cell = (x - first) * RELIEF_COLUMNS / (last + 1 - first);
+                    cells[cell] += f64::from(detail.data[y * inner.width + x]);
+                    counts[cell] += 1.0;
+                }
+            }
+            cells.iter_mut().zip(&counts).for_each(|(sum, count)| *sum /= count.max(1.0));
+        }
+        Self(rows)
+    }
+
+    /// How well what is drawn in this view is found where a round body turned by `turn_deg`, as
+    /// azimuths grow, shows it in `other`, less how well where one turned the other way does:
+    /// -1 to 1, 0 where nothing can be followed.
+    pub(crate) fn turned(&self, other: &Self, turn_deg: f64) -> f64 {
+        (self.correlation(other, turn_deg) - self.correlation(other, -turn_deg)) / 2.0
+    }
+
+    fn correlation(&self, other: &Self, turn_deg: f64) -> f64 {
+        let (mut count, mut sums) = (0_usize, [0.0_f64; 5]);
+        for column in 0..RELIEF_COLUMNS {
+            let aside = (column as f64 + 0.5) / RELIEF_COLUMNS as f64 * 2.0 - 1.0;
+            // What is in front moves to the left as azimuths grow.
+            let before = aside.asin().to_degrees() + turn_deg;
+            let seen = aside.asin().to_degrees().abs() <= OBLIQUE_DEG;
+            if !seen || before.abs() > OBLIQUE_DEG {
+                continue;
+            }
+            let from = (before.to_radians().sin() + 1.0) / 2.0 * RELIEF_COLUMNS as f64;
+            let from = (from as usize).min(RELIEF_COLUMNS - 1);
+            for (own, other) in self.0.iter().zip(&other.0) {
+                let (a, b) = (own[from], other[column]);
+                let terms = [a, b, a * a, b * b, a * b];
+                sums.iter_mut().zip(terms).for_each(|(sum, term)| *sum += term);
+                count += 1;
+            }
+        }
+        if count < LEAST_SHARED {
+            return 0.0;
+        }
+        let [a, b, aa, bb, ab] = sums.map(|sum| sum / count as f64);
+        let spread = ((aa - a * a) * (bb - b * b)).max(0.0).sqrt();
+        if spread > 1e-9 { (ab - a * b) / spread } else { 0.0 }
+    }
+}
+
 /// What of a view tells how it is turned.
 #[derive(Clone, Debug)]
 pub(crate) struct Shape {
@@ -92,6 +163,7 @@ pub(crate) struct Shape {
     /// Which way head and feet point, -1 left to 1 right, 0 if they do not.
     pub(crate) head_side: f64,
     pub(crate) feet_side: f64,
+    pub(crate) relief: Relief,
 }
 
 impl Shape {
@@ -114,6 +186,7 @@ impl Shape {
             body_detail: all.detail / all.area.max(1.0),
             head_side,
             feet_side: feet_side(&profile),
+            relief: Relief::of(&inner, detail, bounds.top as usize, bounds.bottom as usize),
             profile,
         })
     }

@@ -185,7 +185,7 @@ fn inspect_pixels(
     limits: &ImageLimits,
 ) -> Result<(ImageFormat, u32, u32), ImageError> {
     if let Some(kind) = kinds::not_read(bytes) {
-        return Err(ImageError::Unsupported { kind, remedy: kinds::REMEDY });
+        return Err(ImageError::Unsupported { kind, remedy: kinds::remedy(kind) });
     }
     let format = image::guess_format(bytes).map_err(|_| ImageError::NotAnImage)?;
     use ImageFormat::{Gif, Jpeg, Png, Tiff, WebP};

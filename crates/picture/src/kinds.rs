@@ -9,7 +9,17 @@ use image::codecs::webp::WebPDecoder;
 use image::{AnimationDecoder, ImageDecoder, ImageFormat, Limits};
 
 /// What to do about a format that is not read.
-pub(crate) const REMEDY: &str = "export it as PNG, JPEG, WebP, TIFF or SVG";
+const REMEDY: &str = "export it as PNG, JPEG, WebP, TIFF or SVG";
+const PDF: &str = "a PDF document";
+/// What to do about one: how finely its pages are drawn has to be said.
+const PDF_REMEDY: &str = "export its pages as PNG, or together as one TIFF, at 150 to 300 dots per \
+     inch (pdftoppm -png -r 200 does)";
+
+/// What to do about a format that [`not_read`] names.
+pub(crate) fn remedy(kind: &str) -> &'static str {
+    if kind == PDF { PDF_REMEDY } else { REMEDY }
+}
+
 /// What to do about several pictures in one file.
 pub(crate) const ONE_BY_ONE: &str =
     "send each picture as a view of its own, or the file as a page with azimuths";
@@ -25,7 +35,8 @@ pub(crate) fn not_read(bytes: &[u8]) -> Option<&'static str> {
         _ => {}
     }
     if starts(b"%PDF") {
-        Some("a PDF document")
+        // No renderer in pure Rust bounds what its streams unpack to or how long it takes.
+        Some(PDF)
     } else if starts(b"8BPS") {
         Some("a Photoshop document")
     } else if starts(b"\x1f\x8b") {
@@ -176,6 +187,8 @@ mod tests {
         assert_eq!(named(b"\0\0\0\x20ftypavif\0\0"), "an AVIF image");
         assert_eq!(named(b"\0\0\0\x20ftypheic\0\0"), "a HEIC image");
         assert_eq!(named(b"%PDF-1.7"), "a PDF document");
+        assert!(remedy(named(b"%PDF-1.7")).contains("pdftoppm"));
+        assert!(remedy(named(b"8BPS")).contains("SVG"));
         assert_eq!(named(b"\x1f\x8b\x08\0"), "a compressed file, such as SVGZ");
         assert_eq!(named(b"II+\0\x08\0"), "a BigTIFF image");
         assert_eq!(not_read(b"\x89PNG\r\n"), None);

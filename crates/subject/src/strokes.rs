@@ -1,5 +1,8 @@
 //! Strokes as skeletons: their width, their ends and where those point.
 
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
+
 use crate::raster::Bits;
 
 /// Branches shorter than this many stroke widths are the skeleton's own noise.
@@ -7,6 +10,18 @@ const MIN_BRANCH: f64 = 1.6;
 /// So many stroke widths back an end's direction is measured.
 const DIRECTION: f64 = 5.0;
 const MAX_PEELS: usize = 40;
+/// Strokes that meet at a tip are told so many stroke widths beyond their fork, and px.
+const BRANCH: f64 = 3.0;
+const LEAST_BRANCH_PX: f64 = 6.0;
+/// Nor is a fork looked for farther from the tip, stroke widths.
+const FARTHEST_FORK: f64 = 12.0;
+/// The most that each of them leaves the way on from the tip, degrees: a stroke that ends on
+/// another has it leave at 90 to both sides.
+const WEDGE_DEG: f64 = 50.0;
+/// From a tip of ink to the fork of its skeleton it is so many times as far as from the corner of
+/// its outline to the corner within, and so many px: strokes that lie together go on farther.
+const WEDGE_REACH: f64 = 1.8;
+const WEDGE_SLACK_PX: f64 = 2.0;
 
 /// The end of a stroke.
 #[derive(Clone, Copy, Debug)]
@@ -65,6 +80,9 @@ pub(crate) struct Skeleton {
 }
 
 impl Skeleton {
+    /// Strokes at 45 degrees may be lost. Those of Guo & Hall 1989 are not, but small crooked
+    /// strokes then have so many ends that more gaps are closed wrongly.
+    ///
     /// # Source
     /// Zhang & Suen 1984, A fast parallel algorithm for thinning digital patterns.
     pub(crate) fn of(ink: &Bits) -> Self {
@@ -146,18 +164,123 @@ impl Skeleton {
         if (path.len() as f64) < (MIN_BRANCH * width_px).max(4.0) {
             return None;
         }
-        let w = self.bits.width;
-        let place = |i: usize| ((i % w) as f64 - 0.5, (i / w) as f64 - 0.5);
         let skip = (path.len() / 4).min((width_px / 2.0) as usize);
-        let (x, y) = place(index);
-        let (tip_x, tip_y) = place(path[skip]);
-        let (from_x, from_y) = place(path[path.len() - 1]);
+        let (x, y) = self.place(index);
+        let (tip_x, tip_y) = self.place(path[skip]);
+        let (from_x, from_y) = self.place(path[path.len() - 1]);
         let length = (tip_x - from_x).hypot(tip_y - from_y);
-        if length == 0.0 {
+        if length == 0.0 || self.is_tip(index, width_px) {
             return None;
         }
         Some(End { x, y, heading: ((tip_x - from_x) / length, (tip_y - from_y) / length) })
     }
+
+    /// Whether an end is none, but the tip at which strokes meet at an acute angle.
+    ///
+    /// Their ink is one piece from the outer corner to the inner one, so the skeleton has a branch
+    /// there of up to `width / sin(angle / 2)`, which goes on as the bisector of the strokes
+    /// behind its fork.
+    fn is_tip(&self, index: usize, width_px: f64) -> bool {
+        let reach = (BRANCH * width_px).max(LEAST_BRANCH_PX);
+        let Some(fork) = self.fork(index, reach as usize, FARTHEST_FORK * width_px + reach) else {
+            return false;
+        };
+        let place = |i: usize| self.place(i);
+        let (tip, at) = (place(index), place(fork.at));
+        let (dx, dy) = (at.0 - tip.0, at.1 - tip.1);
+        let turns = fork.branches.iter().map(|&branch| {
+            let (x, y) = place(branch);
+            let (bx, by) = (x - at.0, y - at.1);
+            (dx * by - dy * bx).atan2(dx * bx + dy * by)
+        });
+        let (least, most) =
+            turns.fold((f64::MAX, f64::MIN), |(least, most), t| (least.min(t), most.max(t)));
+        let half = (most - least) / 2.0;
+        // What is shorter than the stroke is wide points anywhere.
+        let most = if dx.hypot(dy) < width_px { half } else { least.abs().max(most.abs()) };
+        let within = most <= WEDGE_DEG.to_radians();
+        let longest = WEDGE_REACH * width_px / half.sin().max(1e-3) + WEDGE_SLACK_PX;
+        within && dx.hypot(dy) <= longest
+    }
+
+    /// The first fork on the way from an end with two branches or more of `reach` steps.
+    fn fork(&self, index: usize, reach: usize, farthest_px: f64) -> Option<Fork> {
+        // One front a step, of pixels with the pixel before each.
+        let mut before: HashMap<usize, usize> = HashMap::from([(index, index)]);
+        let mut front = vec![index];
+        for step in 1..=farthest_px as usize {
+            let mut next = Vec::new();
+            for &at in &front {
+                for other in self.around(at).into_iter().filter(|&i| self.bits.data[i]) {
+                    if let Entry::Vacant(entry) = before.entry(other) {
+                        entry.insert(at);
+                        next.push(other);
+                    }
+                }
+            }
+            front = next;
+            if front.is_empty() {
+                return None;
+            }
+            if step < reach {
+                continue;
+            }
+            let heads = self.apart(&front);
+            let mut back = heads.clone();
+            for _ in 0..reach {
+                back.iter_mut().for_each(|at| *at = before[at]);
+            }
+            // Those that met within `reach` steps are noise of the front.
+            let mut branches: Vec<(usize, usize)> = Vec::new();
+            for (head, back) in heads.into_iter().zip(back) {
+                if self.apart_from(back, branches.iter().map(|(_, other)| *other)) {
+                    branches.push((head, back));
+                }
+            }
+            if branches.len() > 1 {
+                let mut at: Vec<usize> = branches.iter().map(|(_, back)| *back).collect();
+                while at.iter().any(|other| *other != at[0]) {
+                    at.iter_mut().for_each(|at| *at = before[at]);
+                }
+                let branches = branches.into_iter().map(|(head, _)| head).collect();
+                return Some(Fork { at: at[0], branches });
+            }
+        }
+        None
+    }
+
+    /// One pixel of each connected part of `pixels`.
+    fn apart(&self, pixels: &[usize]) -> Vec<usize> {
+        let mut left = pixels.to_vec();
+        let mut parts = Vec::new();
+        while let Some(first) = left.pop() {
+            parts.push(first);
+            let mut open = vec![first];
+            while let Some(at) = open.pop() {
+                let around = self.around(at);
+                open.extend(left.extract_if(.., |other| around.contains(other)));
+            }
+        }
+        parts
+    }
+
+    fn apart_from(&self, pixel: usize, mut others: impl Iterator<Item = usize>) -> bool {
+        let around = self.around(pixel);
+        !others.any(|other| other == pixel || around.contains(&other))
+    }
+
+    /// A pixel's middle in the raster of ink, px.
+    fn place(&self, index: usize) -> (f64, f64) {
+        let w = self.bits.width;
+        ((index % w) as f64 - 0.5, (index / w) as f64 - 0.5)
+    }
+}
+
+/// Where a skeleton's way parts.
+struct Fork {
+    at: usize,
+    /// A pixel on each branch, equally far from the fork.
+    branches: Vec<usize>,
 }
 
 #[cfg(test)]
@@ -174,6 +297,86 @@ mod tests {
         assert_eq!(ends.len(), 2);
         assert!(ends.iter().any(|end| end.x < 13.0 && end.heading.0 < -0.9));
         assert!((typical_width(&ink) - 3.0).abs() < 0.6, "{}", typical_width(&ink));
+    }
+
+    /// Ink of strokes `width` px wide, `[x, y]` to `[x, y]`.
+    fn drawn(width: f64, strokes: &[[[f64; 2]; 2]]) -> Bits {
+        let mut ink = Bits::filled(200, 200, false);
+        for (i, is) in ink.data.iter_mut().enumerate() {
+            let (x, y) = ((i % 200) as f64 + 0.5, (i / 200) as f64 + 0.5);
+            *is = strokes.iter().any(|[a, b]| {
+                let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
+                let along = ((x - a[0]) * dx + (y - a[1]) * dy) / (dx * dx + dy * dy);
+                let along = along.clamp(0.0, 1.0);
+                (a[0] + along * dx - x).hypot(a[1] + along * dy - y) <= width / 2.0
+            });
+        }
+        ink
+    }
+
+    /// The ends of thin strokes, and of those about 45 degrees, are not always found.
+    fn is_sure(width: f64, degrees: f64) -> bool {
+        width >= 3.7 && (degrees.rem_euclid(90.0) - 45.0).abs() > 15.0
+    }
+
+    /// Widths, half angles and turns, degrees; all strokes start in the middle, 70 px long.
+    fn cases() -> impl Iterator<Item = (f64, f64, f64)> {
+        let widths = [2.2, 3.0, 3.7, 5.0, 8.0];
+        let turns = [3.0_f64, 28.0, 141.0, 308.0];
+        let of_width = move |width| {
+            [12.0_f64, 23.0, 38.0]
+                .into_iter()
+                .flat_map(move |half| turns.map(|turn| (width, half, turn)))
+        };
+        widths.into_iter().flat_map(of_width)
+    }
+
+    fn ray(degrees: f64, from: f64, to: f64) -> [[f64; 2]; 2] {
+        let (sine, cosine) = degrees.to_radians().sin_cos();
+        [from, to].map(|along| [100.2 + cosine * along, 99.7 + sine * along])
+    }
+
+    fn ends_at(ink: &Bits, [x, y]: [f64; 2], within: f64) -> usize {
+        let ends = Skeleton::of(ink).ends(typical_width(ink));
+        ends.iter().filter(|end| end.to(x, y) <= within).count()
+    }
+
+    #[test]
+    fn a_tip_is_no_end() {
+        for (width, half, turn) in cases() {
+            let ink = drawn(width, &[ray(turn - half, 0.0, 70.0), ray(turn + half, 0.0, 70.0)]);
+            let case = format!("width {width}, half angle {half}, turned by {turn}");
+            assert_eq!(ends_at(&ink, [100.2, 99.7], 25.0), 0, "{case}");
+            for side in [turn - half, turn + half].into_iter().filter(|side| is_sure(width, *side))
+            {
+                assert_eq!(ends_at(&ink, ray(side, 0.0, 70.0)[1], width + 2.0), 1, "{case}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_stands_on_a_stroke_or_goes_on_behind_a_tip_ends() {
+        for (width, half, turn) in cases() {
+            let long = 4.0 * width + 8.0;
+            let stub = ray(turn, 0.0, long);
+            let bar = [ray(turn + 90.0, 0.0, 70.0), ray(turn - 90.0, 0.0, 70.0)];
+            let ink = drawn(width, &[stub, bar[0], bar[1]]);
+            let case = format!("width {width}, half angle {half}, turned by {turn}");
+            let sure = is_sure(width, turn);
+            assert!(!sure || ends_at(&ink, stub[1], width + 2.0) == 1, "stub, {case}");
+            // Strokes that overshoot where they cross.
+            let crossing = [turn - half, turn + half].map(|turn| ray(turn, -long - 20.0, 70.0));
+            let ink = drawn(width, &crossing);
+            let sides_sure = is_sure(width, turn - half) && is_sure(width, turn + half);
+            for end in crossing.iter().flatten().filter(|_| sides_sure) {
+                assert_eq!(ends_at(&ink, *end, width + 2.0), 1, "crossing, {case}");
+            }
+            // Two strokes that become one.
+            let one = ray(turn, -7.0 * width - 30.0, 0.0);
+            let two = [turn - half, turn + half].map(|turn| ray(turn, 0.0, 70.0));
+            let ink = drawn(width, &[one, two[0], two[1]]);
+            assert!(!sure || ends_at(&ink, one[0], width + 2.0) == 1, "two in one, {case}");
+        }
     }
 
     #[test]

@@ -22,6 +22,8 @@ pub(crate) struct Placed {
     pub(crate) bounds: [u32; 4],
     pub(crate) azimuth_deg: f64,
     pub(crate) tellable: bool,
+    /// The same drawing by itself, on the page's paper.
+    pub(crate) alone: RgbImage,
 }
 
 /// Orders of views by their number, in steps of [`STEP_DEG`].
@@ -59,6 +61,33 @@ struct Style {
     ink: [f64; 3],
     /// The fill, if it is coloured, and whether it is shaded.
     fill: Option<([f64; 3], bool)>,
+}
+
+impl Style {
+    /// Draws a view of ink, mask and normals with its upper left corner at a place.
+    fn paint(
+        &self,
+        picture: &mut RgbImage,
+        (ink, mask, normals): (&GrayImage, &GrayImage, &RgbImage),
+        (left, top): (u32, u32),
+    ) {
+        for (x, y, share) in ink.enumerate_pixels() {
+            let inside = f64::from(mask.get_pixel(x, y).0[0]) / 255.0;
+            let ink = f64::from(share.0[0]) / 255.0;
+            let normal = normals.get_pixel(x, y).0.map(|n| f64::from(n) / 127.5 - 1.0);
+            let light = (0.65 + 0.3 * normal[1] + 0.2 * normal[0]).clamp(0.35, 1.1);
+            let pixel = picture.get_pixel_mut(left + x, top + y);
+            for c in 0..3 {
+                let mut level = f64::from(pixel.0[c]);
+                if let Some((fill, shaded)) = self.fill {
+                    let fill = if shaded { fill[c] * light } else { fill[c] };
+                    level += (fill - level) * inside;
+                }
+                level += (self.ink[c] - level) * ink;
+                pixel.0[c] = level.clamp(0.0, 255.0) as u8;
+            }
+        }
+    }
 }
 
 struct Composer<'a> {
@@ -131,8 +160,8 @@ pub(crate) fn compose(subject: &Subject, others: &[Subject], random: &mut ChaCha
             if !std::mem::take(&mut first) {
                 left += gap * height;
             }
-            let Some(bounds) = own.place(view, left, ground_row + jitter, scale * height, 0.02)
-            else {
+            let placed = own.place(view, left, ground_row + jitter, scale * height, 0.02);
+            let Some((bounds, alone)) = placed else {
                 continue;
             };
             left = f64::from(bounds[2]);
@@ -147,6 +176,7 @@ pub(crate) fn compose(subject: &Subject, others: &[Subject], random: &mut ChaCha
                 bounds,
                 azimuth_deg: step as f64 * STEP_DEG,
                 tellable: subject.tellable[step],
+                alone,
             });
         }
     }
@@ -219,7 +249,7 @@ fn top_of(view: &Drawn) -> Drawn {
 
 impl Composer<'_> {
     /// Puts a view at or right of `left`, where `clear` of its height about it is
-    /// free; its bounds, or nothing if it does not fit.
+    /// free; its bounds and the drawing alone, or nothing if it does not fit.
     fn place(
         &mut self,
         view: &Drawn,
@@ -227,7 +257,7 @@ impl Composer<'_> {
         ground: f64,
         tall: f64,
         clear: f64,
-    ) -> Option<[u32; 4]> {
+    ) -> Option<([u32; 4], RgbImage)> {
         let scale = tall / f64::from(view.ink.height());
         let (w, h) = (f64::from(view.ink.width()) * scale, tall.round() as u32);
         let w = (w.round() as u32).max(2);
@@ -247,7 +277,7 @@ impl Composer<'_> {
             return None;
         }
         self.paint(&ink, &mask, &normals, x, top);
-        Some([x, top, x + w, top + h])
+        Some(([x, top, x + w, top + h], self.alone(&ink, &mask, &normals)))
     }
 
     fn collides(&self, ink: &GrayImage, mask: &GrayImage, left: u32, top: u32, near: i64) -> bool {
@@ -279,25 +309,19 @@ impl Composer<'_> {
         top: u32,
     ) {
         for (x, y, share) in ink.enumerate_pixels() {
-            let inside = f64::from(mask.get_pixel(x, y).0[0]) / 255.0;
-            let ink = f64::from(share.0[0]) / 255.0;
-            let (u, v) = (left + x, top + y);
-            if inside > 0.2 || ink > 0.2 {
-                self.taken.put_pixel(u, v, image::Luma([255]));
-            }
-            let normal = normals.get_pixel(x, y).0.map(|n| f64::from(n) / 127.5 - 1.0);
-            let light = (0.65 + 0.3 * normal[1] + 0.2 * normal[0]).clamp(0.35, 1.1);
-            let pixel = self.picture.get_pixel_mut(u, v);
-            for c in 0..3 {
-                let mut level = f64::from(pixel.0[c]);
-                if let Some((fill, shaded)) = self.style.fill {
-                    let fill = if shaded { fill[c] * light } else { fill[c] };
-                    level += (fill - level) * inside;
-                }
-                level += (self.style.ink[c] - level) * ink;
-                pixel.0[c] = level.clamp(0.0, 255.0) as u8;
+            if mask.get_pixel(x, y).0[0] > 51 || share.0[0] > 51 {
+                self.taken.put_pixel(left + x, top + y, image::Luma([255]));
             }
         }
+        self.style.paint(&mut self.picture, (ink, mask, normals), (left, top));
+    }
+
+    fn alone(&self, ink: &GrayImage, mask: &GrayImage, normals: &RgbImage) -> RgbImage {
+        let margin = ink.height() / 10 + 4;
+        let (w, h) = (ink.width() + 2 * margin, ink.height() + 2 * margin);
+        let mut picture = RgbImage::from_pixel(w, h, Rgb(self.style.paper.map(|v| v as u8)));
+        self.style.paint(&mut picture, (ink, mask, normals), (margin, margin));
+        picture
     }
 
     /// Cuts off what is bare on the page's right, but for some of a figure's height.

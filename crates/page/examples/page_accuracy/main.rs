@@ -2,13 +2,16 @@
 //! against what is true of each page.
 //!
 //! `cargo run --release -p page --example page_accuracy -- [--models DIR]
-//! [--large WIDTHxHEIGHT] [--most N] [--names A,B] [--pages N] [--seed N] [--failures DIR]`
+//! [--large WIDTHxHEIGHT] [--most N] [--names A,B] [--pages N] [--seed N] [--failures DIR]
+//! [--save DIR]`. What it saves is what the example `page_drafts` of the service makes drafts of: a
+//! folder a page with `page.png`, `views/AZIMUTH.png`, the same drawings alone, `model.obj`, Z up,
+//! and `azimuths.txt`, those of the views in reading order.
 
 mod compose;
 mod models;
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use compose::{Page, compose};
@@ -64,6 +67,7 @@ fn main() {
     if let Some(folder) = &failures {
         std::fs::create_dir_all(folder).expect("the folder for failures");
     }
+    let saved = arguments.get("--save").map(PathBuf::from);
     let seed = number("--seed", 1);
     let outcomes: Vec<Outcome> = (0..number("--pages", 300))
         .into_par_iter()
@@ -74,6 +78,10 @@ fn main() {
             let rgba = image::DynamicImage::ImageRgb8(page.picture.clone()).into_rgba8();
             let proposal = propose(&rgba, &PageOptions::default(), &Silent);
             let outcome = judged(&page, proposal.as_ref().ok(), &subject.name);
+            if let Some(folder) = &saved {
+                save(&folder.join(format!("{index:03}_{}", subject.name)), &page, subject)
+                    .expect("a writable folder");
+            }
             if let Some(folder) = &failures
                 && (!outcome.whole || outcome.right < outcome.tellable)
             {
@@ -90,6 +98,27 @@ fn main() {
         })
         .collect();
     report(&outcomes);
+}
+
+fn save(
+    folder: &Path,
+    page: &Page,
+    subject: &models::Subject,
+) -> Result<(), Box<dyn std::error::Error>> {
+    std::fs::create_dir_all(folder.join("views"))?;
+    page.picture.save(folder.join("page.png"))?;
+    for view in &page.truth {
+        view.alone.save(folder.join(format!("views/{}.png", view.azimuth_deg)))?;
+    }
+    let azimuths: Vec<String> = page.truth.iter().map(|v| v.azimuth_deg.to_string()).collect();
+    std::fs::write(folder.join("azimuths.txt"), azimuths.join(","))?;
+    let vertices = subject.mesh.positions.iter().map(|p| format!("v {} {} {}\n", p.x, p.y, p.z));
+    let faces = subject.mesh.triangles.iter().map(|t| {
+        let [a, b, c] = t.map(|index| index + 1);
+        format!("f {a} {b} {c}\n")
+    });
+    std::fs::write(folder.join("model.obj"), vertices.chain(faces).collect::<String>())?;
+    Ok(())
 }
 
 /// Time and memory for one composed page enlarged to `size`.

@@ -5,6 +5,7 @@ use std::path::Path;
 use drawing::{DrawOptions, Drawer, PreparedModel};
 use frames::Azimuth;
 use image::{GrayImage, RgbImage, imageops};
+use mesh::Mesh;
 use mesh::builtin::ProceduralModel;
 use mesh::read::{Limits, Model, ModelFormat, load};
 
@@ -26,6 +27,8 @@ pub(crate) struct Drawn {
 /// The views of one model, by azimuth in steps of [`STEP_DEG`].
 pub(crate) struct Subject {
     pub(crate) name: String,
+    /// As it was drawn: Z up, centred.
+    pub(crate) mesh: Mesh,
     pub(crate) views: Vec<Drawn>,
     /// Whether a person could tell each view from all others.
     pub(crate) tellable: Vec<bool>,
@@ -87,7 +90,7 @@ fn drawn(name: &str, model: &Model) -> Option<Subject> {
     };
     let views: Vec<Drawn> = (0..8).map(view).collect::<Option<_>>()?;
     let tellable = (0..8).map(|k| (0..8).all(|j| j == k || differ(&views[k], &views[j]))).collect();
-    Some(Subject { name: name.to_owned(), views, tellable })
+    Some(Subject { name: name.to_owned(), mesh: fitted.mesh().clone(), views, tellable })
 }
 
 /// The model centred and scaled to the drawing's frame.

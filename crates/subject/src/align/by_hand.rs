@@ -1,7 +1,7 @@
 //! Where views belong as a person says, over what was found.
 
 use super::profile::Profile;
-use super::{Alignment, Transform, View};
+use super::{Alignment, Canvas, Transform, View};
 
 /// What a person says of a view's place on the canvas. Places are in the view's own pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -87,5 +87,34 @@ impl Alignment {
         canvas.axis_x += aside;
         canvas.rows = canvas.rows.map(|row| row + above);
         self.changes |= aside_px + above_px + below_px > 0;
+    }
+
+    /// Gives the canvas `factor` times fewer columns and rows, rounded up, with what is on it;
+    /// axis and middle row stay in the middle. Returns where places on the canvas are now.
+    ///
+    /// * `factor`: at least 1.
+    pub fn shrink(&mut self, factor: f64) -> Transform {
+        let factor = factor.max(1.0);
+        let canvas = &mut self.canvas;
+        let side = |side: u32| ((f64::from(side) / factor).ceil() as u32).max(1);
+        let (width, height) = (side(canvas.width), side(canvas.height));
+        // What is added by rounding is added on both sides.
+        let added = |now: u32, before: u32| (f64::from(now) - f64::from(before) / factor) / 2.0;
+        let onto = Transform {
+            scale: 1.0 / factor,
+            dx: added(width, canvas.width),
+            dy: added(height, canvas.height),
+        };
+        *canvas = Canvas {
+            width,
+            height,
+            axis_x: onto.place([canvas.axis_x, 0.0])[0],
+            rows: canvas.rows.map(|row| onto.place([0.0, row])[1]),
+        };
+        for found in &mut self.views {
+            found.transform = found.transform.then(&onto);
+        }
+        self.changes |= factor > 1.0;
+        onto
     }
 }

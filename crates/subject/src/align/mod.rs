@@ -65,6 +65,13 @@ impl Transform {
     pub fn place(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         [self.scale * x + self.dx, self.scale * y + self.dy]
     }
+
+    /// This and after it `other`.
+    #[must_use]
+    pub fn then(&self, other: &Self) -> Self {
+        let [dx, dy] = other.place([self.dx, self.dy]);
+        Self { scale: self.scale * other.scale, dx, dy }
+    }
 }
 
 /// What was found about one view.
