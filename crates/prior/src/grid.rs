@@ -85,11 +85,12 @@ fn hull_box(input: &PriorInput<'_>) -> Option<([f64; 3], [f64; 3])> {
     let last = (0..height).rev().find(|&row| inside(row))?;
     let (low_z, high_z) =
         (input.origin_row_px - last as f64 - 1.0, input.origin_row_px - first as f64);
-    let half = width.max(height) as f64 / 2.0;
-    let step = 2.0 * half / PROBES as f64;
-    let at = |index: usize| (index as f64 + 0.5) * step - half;
     let directions: Vec<(f64, f64)> =
         input.views.iter().map(|view| view.azimuth_rad.sin_cos()).collect();
+    let [first_x, last_x, first_y, last_y] = footprint(input, &directions)?;
+    let steps = [last_x - first_x, last_y - first_y].map(|side| side / PROBES as f64);
+    let x_at = |index: usize| first_x + (index as f64 + 0.5) * steps[0];
+    let y_at = |index: usize| first_y + (index as f64 + 0.5) * steps[1];
     let ranges: Vec<[usize; 4]> = (0..SLICES)
         .into_par_iter()
         .filter_map(|slice| {
@@ -100,7 +101,7 @@ fn hull_box(input: &PriorInput<'_>) -> Option<([f64; 3], [f64; 3])> {
                 for i in 0..PROBES {
                     let shown =
                         input.views.iter().zip(&directions).all(|(view, (sine, cosine))| {
-                            let column = at(i) * cosine + at(j) * sine + input.axis_px;
+                            let column = x_at(i) * cosine + y_at(j) * sine + input.axis_px;
                             bilinear(view.mask, input.size, column, row) > 0.5
                         });
                     if shown {
@@ -115,8 +116,48 @@ fn hull_box(input: &PriorInput<'_>) -> Option<([f64; 3], [f64; 3])> {
     let range = ranges
         .into_iter()
         .reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1]), a[2].min(b[2]), a[3].max(b[3])])?;
-    let (low, high) = (|index| at(index) - step / 2.0, |index| at(index) + step / 2.0);
-    Some(([low(range[0]), low(range[2]), low_z], [high(range[1]), high(range[3]), high_z]))
+    let [half_x, half_y] = steps.map(|step| step / 2.0);
+    let low = [x_at(range[0]) - half_x, y_at(range[2]) - half_y, low_z];
+    Some((low, [x_at(range[1]) + half_x, y_at(range[3]) + half_y, high_z]))
+}
+
+/// The box about where all views' outlines may meet, whatever the height: the least and most X
+/// and Y, px. However thin a subject is, it fills much of that.
+fn footprint(input: &PriorInput<'_>, directions: &[(f64, f64)]) -> Option<[f64; 4]> {
+    let (width, height) = input.size;
+    let half = width.max(height) as f64;
+    let mut corners = vec![[-half, -half], [half, -half], [half, half], [-half, half]];
+    for (view, &(sine, cosine)) in input.views.iter().zip(directions) {
+        let inside = |column: usize| (0..height).any(|row| view.mask[row * width + column] > 0.5);
+        let first = (0..width).find(|&column| inside(column))? as f64 - input.axis_px;
+        let last = (0..width).rfind(|&column| inside(column))? as f64 + 1.0 - input.axis_px;
+        corners = clipped(&corners, |[x, y]| x * cosine + y * sine - first);
+        corners = clipped(&corners, |[x, y]| last - x * cosine - y * sine);
+    }
+    corners
+        .iter()
+        .map(|&[x, y]| [x, x, y, y])
+        .reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1]), a[2].min(b[2]), a[3].max(b[3])])
+}
+
+/// What of a convex polygon lies where `distance` to a line is not negative.
+///
+/// # Source
+/// Sutherland & Hodgman 1974, Reentrant polygon clipping.
+fn clipped(corners: &[[f64; 2]], distance: impl Fn([f64; 2]) -> f64) -> Vec<[f64; 2]> {
+    let mut kept = Vec::with_capacity(corners.len() + 1);
+    for (index, &to) in corners.iter().enumerate() {
+        let from = corners[(index + corners.len() - 1) % corners.len()];
+        let (before, after) = (distance(from), distance(to));
+        if (before < 0.0) != (after < 0.0) {
+            let share = before / (before - after);
+            kept.push([0, 1].map(|axis| from[axis] + (to[axis] - from[axis]) * share));
+        }
+        if after >= 0.0 {
+            kept.push(to);
+        }
+    }
+    kept
 }
 
 #[cfg(test)]
@@ -135,5 +176,33 @@ mod tests {
     fn a_thin_plate_keeps_the_shortest_side() {
         let grid = Grid::fitted([-50.0, -1.0, -50.0], [50.0, 1.0, 50.0], BUDGET);
         assert_eq!(grid.size[1], SHORTEST);
+    }
+
+    #[test]
+    fn a_blade_seen_edge_on_is_found() {
+        let (width, height) = (1200, 40);
+        let strip = |half: usize| -> Vec<f32> {
+            let column = |index: usize| (index % width).abs_diff(width / 2);
+            (0..width * height).map(|index| f32::from(u8::from(column(index) < half))).collect()
+        };
+        let (broad, edge) = (strip(550), strip(3));
+        let ink = vec![0.0; width * height];
+        let view = |degrees: f64, mask| crate::PriorView {
+            azimuth_rad: degrees.to_radians(),
+            mask,
+            ink: &ink,
+        };
+        let input = PriorInput {
+            views: vec![view(0.0, &broad), view(90.0, &edge)],
+            size: (width, height),
+            axis_px: 600.0,
+            origin_row_px: 20.0,
+        };
+        let (low, high) = hull_box(&input).unwrap();
+        assert!(
+            (low[0] + 550.0).abs() < 10.0 && (high[0] - 550.0).abs() < 10.0,
+            "{low:?} {high:?}"
+        );
+        assert!((low[1] + 3.0).abs() < 1.5 && (high[1] - 3.0).abs() < 1.5, "{low:?} {high:?}");
     }
 }

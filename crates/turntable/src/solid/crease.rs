@@ -19,6 +19,11 @@ const OUTLINE_MARGIN_PX: f64 = 5.0;
 const SHARP_SHARE: f64 = 0.7;
 /// The share of slices in which a corner must be seen to be judged.
 const MIN_SEEN_SHARE: f64 = 0.05;
+/// Ink is in a crowd where it fills much of what is about it, as far as these shares of the
+/// drawing's height, across and down.
+const CROWD: (f64, f64) = (0.06, 0.03);
+/// A corner is judged by drawings whose shares of paper about it sum to more.
+const MIN_PAPER: f64 = 0.5;
 /// Tracks seen in fewer slices say nothing.
 const MIN_SEEN_SLICES: usize = 3;
 /// Corners a slice apart and farther from each other are different ones, px a px.
@@ -47,9 +52,14 @@ impl InkEvidence<'_> {
         if !self.outline.row(y).iter().any(inside) {
             return None;
         }
-        let column = self.mirror_sum_px.map_or(u_px, |sum| sum - u_px) + self.axis_px;
+        let column = self.column(u_px);
         let column = (column >= 0.0 && column < self.width as f64).then_some(column as usize)?;
         self.near_ink.get(y * self.width + column).copied()
+    }
+
+    /// The drawing's column at `u_px` from the axis.
+    fn column(&self, u_px: f64) -> f64 {
+        self.mirror_sum_px.map_or(u_px, |sum| sum - u_px) + self.axis_px
     }
 
     /// The middles of the lines that cross row `y` between two columns, px from
@@ -76,6 +86,45 @@ impl InkEvidence<'_> {
         }
         lines.sort_by(f64::total_cmp);
         lines
+    }
+}
+
+/// How much of a drawing is bare, by place: between strokes that fill a face's shadows or a
+/// hatched side there is ink wherever one looks, and it draws no crease.
+struct Paper<'a> {
+    evidence: &'a InkEvidence<'a>,
+    /// Pixels near ink above and left of each corner of the pixels.
+    sums: Vec<u32>,
+}
+
+impl<'a> Paper<'a> {
+    fn new(evidence: &'a InkEvidence<'a>) -> Self {
+        let stride = evidence.width + 1;
+        let mut sums = vec![0; stride];
+        for row in evidence.near_ink.chunks_exact(evidence.width.max(1)) {
+            let above = sums.len() - stride;
+            let mut sum = 0;
+            sums.push(0);
+            for (x, &inked) in row.iter().enumerate() {
+                sum += u32::from(inked);
+                sums.push(sums[above + x + 1] + sum);
+            }
+        }
+        Self { evidence, sums }
+    }
+
+    /// The share of what is about column `u_px` from the axis in row `y` that is not near ink.
+    fn share(&self, u_px: f64, y: usize) -> f64 {
+        let width = self.evidence.width;
+        let height = self.sums.len() / (width + 1) - 1;
+        let (across, down) = (CROWD.0 * height as f64, (CROWD.1 * height as f64) as usize);
+        let column = self.evidence.column(u_px);
+        let end = |at: f64, most: usize| (at.max(0.0) as usize).min(most);
+        let (left, right) = (end(column - across, width), end(column + across + 1.0, width));
+        let (top, bottom) = (y.saturating_sub(down).min(height), (y + down + 1).min(height));
+        let at = |x: usize, y: usize| self.sums[y * (width + 1) + x];
+        let inked = at(right, bottom) + at(left, top) - at(left, bottom) - at(right, top);
+        1.0 - f64::from(inked) / ((right - left) * (bottom - top)).max(1) as f64
     }
 }
 
@@ -107,7 +156,8 @@ pub(super) fn sharp_corners(
     window_px: f64,
     boxy: bool,
 ) -> Vec<Vec<Vec<bool>>> {
-    let mut corners = gather(slices, drawings);
+    let papers: Vec<Paper<'_>> = drawings.iter().map(Paper::new).collect();
+    let mut corners = gather(slices, &papers);
     let tracks = link(slices, &mut corners, pitch_px);
     let window = (window_px / pitch_px / 2.0).ceil() as usize;
     for track in &tracks {
@@ -126,7 +176,7 @@ pub(super) fn sharp_corners(
 type Corners = Vec<Vec<Vec<Corner>>>;
 type Place = (usize, usize, usize);
 
-fn gather(slices: &[Slice], drawings: &[InkEvidence]) -> Corners {
+fn gather(slices: &[Slice], drawings: &[Paper]) -> Corners {
     use rayon::prelude::*;
     let of_section = |slice: &Slice, index: usize| -> Vec<Corner> {
         (0..slice.sections[index].len())
@@ -143,8 +193,9 @@ fn gather(slices: &[Slice], drawings: &[InkEvidence]) -> Corners {
         .collect()
 }
 
-/// The share of the views that see the corner and have ink on it.
-fn evidence(slice: &Slice, index: usize, corner: usize, drawings: &[InkEvidence]) -> Option<f64> {
+/// The share of the views that see the corner and have ink on it, each as much as there is paper
+/// about it.
+fn evidence(slice: &Slice, index: usize, corner: usize, drawings: &[Paper]) -> Option<f64> {
     let section = &slice.sections[index];
     if section.turning_rad(corner) < MIN_TURNING_RAD {
         return None;
@@ -152,8 +203,9 @@ fn evidence(slice: &Slice, index: usize, corner: usize, drawings: &[InkEvidence]
     let point = section.corners[corner];
     let before = (corner + section.len() - 1) % section.len();
     let faces = [section.normals_rad[before], section.normals_rad[corner]];
-    let (mut seen, mut inked) = (0, 0);
-    for drawing in drawings {
+    let (mut seen, mut inked) = (0.0, 0.0);
+    for paper in drawings {
+        let drawing = paper.evidence;
         let camera_rad = drawing.outline.azimuth_rad - PI / 2.0;
         if faces.iter().any(|&normal| angle_between(normal, camera_rad) > MAX_FACING_RAD) {
             continue;
@@ -163,11 +215,12 @@ fn evidence(slice: &Slice, index: usize, corner: usize, drawings: &[InkEvidence]
             continue;
         }
         if let Some(ink) = drawing.ink_at(column, slice.row) {
-            seen += 1;
-            inked += usize::from(ink);
+            let share = paper.share(column, slice.row);
+            seen += share;
+            inked += if ink { share } else { 0.0 };
         }
     }
-    (seen > 0).then(|| f64::from(inked as u32) / f64::from(seen as u32))
+    (seen > MIN_PAPER).then(|| inked / seen)
 }
 
 /// Whether another section of the slice stands before the point.
@@ -284,4 +337,30 @@ fn is_across(section: &Section, corner: usize, other: usize) -> bool {
         angle_between(section.normals_rad[a], section.normals_rad[b] + PI) < 0.9
     };
     other != corner && opposed(before(other), before(corner)) && opposed(other, corner)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_is_told_from_a_crowd_of_strokes() {
+        let (width, height) = (120, 100);
+        let inked = |x: usize, y: usize| x == 30 || (x > 60 && (x + y) % 3 > 0);
+        let near_ink: Vec<bool> =
+            (0..width * height).map(|index| inked(index % width, index / width)).collect();
+        let outline = Outline { azimuth_rad: 0.0, rows: vec![vec![(-60.0, 60.0)]; height] };
+        let evidence = InkEvidence {
+            outline: &outline,
+            near_ink: &near_ink,
+            width,
+            axis_px: 60.0,
+            mirror_sum_px: None,
+        };
+        let paper = Paper::new(&evidence);
+        assert!((paper.share(-30.0, 50) - 12.0 / 13.0).abs() < 0.02, "{}", paper.share(-30.0, 50));
+        assert!((paper.share(35.0, 50) - 1.0 / 3.0).abs() < 0.02, "{}", paper.share(35.0, 50));
+        assert_eq!(paper.share(-59.0, 0), 1.0);
+        assert_eq!(paper.share(500.0, 500), 1.0);
+    }
 }
