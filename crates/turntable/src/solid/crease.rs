@@ -22,6 +22,8 @@ const MIN_SEEN_SHARE: f64 = 0.05;
 /// Ink is in a crowd where it fills much of what is about it, as far as these shares of the
 /// drawing's height, across and down.
 const CROWD: (f64, f64) = (0.06, 0.03);
+/// What is near a single line is five pixels wide; as far at least, px.
+const MIN_CROWD_PX: (f64, f64) = (12.0, 6.0);
 /// A corner is judged by drawings whose shares of paper about it sum to more.
 const MIN_PAPER: f64 = 0.5;
 /// Tracks seen in fewer slices say nothing.
@@ -117,7 +119,8 @@ impl<'a> Paper<'a> {
     fn share(&self, u_px: f64, y: usize) -> f64 {
         let width = self.evidence.width;
         let height = self.sums.len() / (width + 1) - 1;
-        let (across, down) = (CROWD.0 * height as f64, (CROWD.1 * height as f64) as usize);
+        let across = (CROWD.0 * height as f64).max(MIN_CROWD_PX.0);
+        let down = (CROWD.1 * height as f64).max(MIN_CROWD_PX.1) as usize;
         let column = self.evidence.column(u_px);
         let end = |at: f64, most: usize| (at.max(0.0) as usize).min(most);
         let (left, right) = (end(column - across, width), end(column + across + 1.0, width));
@@ -358,7 +361,7 @@ mod tests {
             mirror_sum_px: None,
         };
         let paper = Paper::new(&evidence);
-        assert!((paper.share(-30.0, 50) - 12.0 / 13.0).abs() < 0.02, "{}", paper.share(-30.0, 50));
+        assert!((paper.share(-30.0, 50) - 24.0 / 25.0).abs() < 0.02, "{}", paper.share(-30.0, 50));
         assert!((paper.share(35.0, 50) - 1.0 / 3.0).abs() < 0.02, "{}", paper.share(35.0, 50));
         assert_eq!(paper.share(-59.0, 0), 1.0);
         assert_eq!(paper.share(500.0, 500), 1.0);
