@@ -349,7 +349,7 @@ mod tests {
     #[test]
     fn a_line_is_told_from_a_crowd_of_strokes() {
         let (width, height) = (120, 100);
-        let inked = |x: usize, y: usize| x == 30 || (x > 60 && (x + y) % 3 > 0);
+        let inked = |x: usize, y: usize| x == 30 || (x > 60 && !(x + y).is_multiple_of(3));
         let near_ink: Vec<bool> =
             (0..width * height).map(|index| inked(index % width, index / width)).collect();
         let outline = Outline { azimuth_rad: 0.0, rows: vec![vec![(-60.0, 60.0)]; height] };
