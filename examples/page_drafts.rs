@@ -11,7 +11,7 @@ use std::error::Error;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
-use evaluation::{ComparisonOptions, SolidTruth};
+use evaluation::{ComparisonOptions, SolidTruth, lay_on};
 use frames::UpAxis;
 use image::{ImageFormat, RgbaImage};
 use mesh::Mesh;
@@ -102,16 +102,4 @@ fn iou(drawings: &Drawings, truth: &Mesh) -> Result<Option<f64>, Box<dyn Error>>
     lay_on(&mut mesh, truth);
     let options = ComparisonOptions { grid_cells: 128, ..ComparisonOptions::default() };
     Ok(Some(SolidTruth::new(truth, options)?.evaluate(&mesh)?.iou))
-}
-
-fn lay_on(mesh: &mut Mesh, truth: &Mesh) {
-    let (Some((low, high)), Some((true_low, true_high))) = (mesh.bounds(), truth.bounds()) else {
-        return;
-    };
-    let scale = (true_high.z - true_low.z) / (high.z - low.z);
-    let (centre, true_centre) =
-        (nalgebra::center(&low, &high), nalgebra::center(&true_low, &true_high));
-    for point in &mut mesh.positions {
-        *point = true_centre + (*point - centre) * scale;
-    }
 }

@@ -14,7 +14,7 @@ use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
 use drawing::{DrawOptions, Drawer, PreparedModel};
-use evaluation::{ComparisonOptions, SolidTruth};
+use evaluation::{ComparisonOptions, SolidTruth, lay_on};
 use frames::Azimuth;
 use image::{GrayImage, ImageFormat, RgbaImage, imageops};
 use mesh::Mesh;
@@ -182,18 +182,6 @@ fn report(
 /// Variants whose pixels are not those of the clean drawing: the draft is laid
 /// on the truth by its bounds before they are compared.
 const MOVED: [&str; 4] = ["size", "times", "eighth", "cropped"];
-
-fn lay_on(mesh: &mut Mesh, truth: &Mesh) {
-    let (Some((low, high)), Some((true_low, true_high))) = (mesh.bounds(), truth.bounds()) else {
-        return;
-    };
-    let scale = (true_high.z - true_low.z) / (high.z - low.z);
-    let (centre, true_centre) =
-        (nalgebra::center(&low, &high), nalgebra::center(&true_low, &true_high));
-    for point in &mut mesh.positions {
-        *point = true_centre + (*point - centre) * scale;
-    }
-}
 
 /// Writes each drawing with the outline that was found in red.
 fn pictures(folder: &Path, name: &str, decoded: &Decoded, views: &[(f64, RgbaImage, GrayImage)]) {

@@ -206,9 +206,7 @@ impl Options {
                 let pixels = u64::from(width_px) * u64::from(height_px);
                 let reduction = self.reduction(pixels, has_truth);
                 let worked_on = (pixels as f64 / (reduction * reduction)).ceil() as u64;
-                let working = worked_on
-                    .saturating_mul(views as u64)
-                    .saturating_mul(turntable::WORKING_BYTES_PER_PIXEL);
+                let working = turntable::working_bytes(views, worked_on);
                 if reduction <= 1.0 {
                     return working;
                 }

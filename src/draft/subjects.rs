@@ -426,10 +426,7 @@ fn fit_in<'a>(
         ));
     }
     let Canvas { width, height, .. } = alignment.canvas;
-    let pixels = u64::from(width) * u64::from(height);
-    let needed = pixels
-        .saturating_mul(sizes.len() as u64)
-        .saturating_mul(turntable::WORKING_BYTES_PER_PIXEL);
+    let needed = turntable::working_bytes(sizes.len(), u64::from(width) * u64::from(height));
     if needed <= max_working_bytes {
         return Ok(warning);
     }

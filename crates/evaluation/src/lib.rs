@@ -24,7 +24,7 @@ pub use report::{
     MeanReport, ModelReport, TruthReport, ViewComparison, ViewTruthReport, compare_model,
 };
 pub use silhouette::{HoleReport, SilhouetteError, SilhouetteReport, compare_silhouettes};
-pub use solid::{ComparisonOptions, SolidComparison, SolidError, SolidTruth};
+pub use solid::{ComparisonOptions, SolidComparison, SolidError, SolidTruth, lay_on};
 pub use statistics::{mean, pearson_correlation};
 pub use surface::SurfaceReport;
 pub use truth::{DepthScale, RawTruth, TruthEncoding, TruthError, decode_truth};

@@ -127,6 +127,20 @@ impl SolidTruth {
     }
 }
 
+/// Scales `mesh` to the truth's height and moves the middle of its box to that of the truth's, for
+/// drafts of drawings that keep neither scale nor place. Leaves meshes without points as they are.
+pub fn lay_on(mesh: &mut Mesh, truth: &Mesh) {
+    let (Some((low, high)), Some((true_low, true_high))) = (mesh.bounds(), truth.bounds()) else {
+        return;
+    };
+    let scale = (true_high.z - true_low.z) / (high.z - low.z);
+    let (centre, true_centre) =
+        (nalgebra::center(&low, &high), nalgebra::center(&true_low, &true_high));
+    for point in &mut mesh.positions {
+        *point = true_centre + (*point - centre) * scale;
+    }
+}
+
 fn unusable(mesh: &Mesh) -> SolidError {
     SolidError::UnusableMesh { vertices: mesh.positions.len(), triangles: mesh.triangles.len() }
 }

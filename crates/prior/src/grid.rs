@@ -126,11 +126,14 @@ fn hull_box(input: &PriorInput<'_>) -> Option<([f64; 3], [f64; 3])> {
 fn footprint(input: &PriorInput<'_>, directions: &[(f64, f64)]) -> Option<[f64; 4]> {
     let (width, height) = input.size;
     let half = width.max(height) as f64;
+    let inside = |value: &f32| *value > 0.5;
+    let ends_of_row =
+        |row: &[f32]| Some((row.iter().position(inside)?, row.iter().rposition(inside)?));
     let mut corners = vec![[-half, -half], [half, -half], [half, half], [-half, half]];
     for (view, &(sine, cosine)) in input.views.iter().zip(directions) {
-        let inside = |column: usize| (0..height).any(|row| view.mask[row * width + column] > 0.5);
-        let first = (0..width).find(|&column| inside(column))? as f64 - input.axis_px;
-        let last = (0..width).rfind(|&column| inside(column))? as f64 + 1.0 - input.axis_px;
+        let rows = view.mask.chunks_exact(width).filter_map(ends_of_row);
+        let (first, last) = rows.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))?;
+        let (first, last) = (first as f64 - input.axis_px, last as f64 + 1.0 - input.axis_px);
         corners = clipped(&corners, |[x, y]| x * cosine + y * sine - first);
         corners = clipped(&corners, |[x, y]| last - x * cosine - y * sine);
     }

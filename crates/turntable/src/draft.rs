@@ -172,7 +172,12 @@ const DEPTHS: f64 = 0.6;
 
 /// What the method may hold in memory at once, bytes a pixel of every view:
 /// drawing, lines, grid and surface, were all views solved at once.
-pub const WORKING_BYTES_PER_PIXEL: u64 = 80;
+const WORKING_BYTES_PER_PIXEL: u64 = 80;
+
+/// About how much memory the method takes for `views` of so many pixels each, bytes.
+pub fn working_bytes(views: usize, pixels: u64) -> u64 {
+    pixels.saturating_mul(views as u64).saturating_mul(WORKING_BYTES_PER_PIXEL)
+}
 
 /// Makes a draft from a sheet, on rayon's current pool.
 ///

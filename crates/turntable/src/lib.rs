@@ -43,4 +43,4 @@ pub mod surface;
 pub mod texture;
 pub mod views;
 
-pub use draft::{Draft, DraftError, DraftView, WORKING_BYTES_PER_PIXEL, reconstruct};
+pub use draft::{Draft, DraftError, DraftView, reconstruct, working_bytes};

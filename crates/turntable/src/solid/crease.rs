@@ -6,6 +6,9 @@
 
 use std::f64::consts::{PI, TAU};
 
+use image::{GrayImage, ImageBuffer, Luma};
+use imageproc::integral_image::{integral_image, sum_image_pixels};
+
 use super::outline::Outline;
 use super::section::{EdgeSource, Section};
 
@@ -67,8 +70,7 @@ impl InkEvidence<'_> {
     /// The middles of the lines that cross row `y` between two columns, px from
     /// the axis, ascending.
     pub(super) fn lines_between(&self, low_px: f64, high_px: f64, y: usize) -> Vec<f64> {
-        let at = |u: f64| self.mirror_sum_px.map_or(u, |sum| sum - u) + self.axis_px;
-        let (a, b) = (at(low_px), at(high_px));
+        let (a, b) = (self.column(low_px), self.column(high_px));
         let row = self.near_ink.get(y * self.width..(y + 1) * self.width).unwrap_or(&[]);
         let first = a.min(b).ceil().max(0.0) as usize;
         let last = (a.max(b).floor().max(0.0) as usize).min(row.len());
@@ -95,39 +97,35 @@ impl InkEvidence<'_> {
 /// hatched side there is ink wherever one looks, and it draws no crease.
 struct Paper<'a> {
     evidence: &'a InkEvidence<'a>,
-    /// Pixels near ink above and left of each corner of the pixels.
-    sums: Vec<u32>,
+    /// Of the pixels near ink, an integral image.
+    sums: ImageBuffer<Luma<u32>, Vec<u32>>,
 }
 
 impl<'a> Paper<'a> {
     fn new(evidence: &'a InkEvidence<'a>) -> Self {
-        let stride = evidence.width + 1;
-        let mut sums = vec![0; stride];
-        for row in evidence.near_ink.chunks_exact(evidence.width.max(1)) {
-            let above = sums.len() - stride;
-            let mut sum = 0;
-            sums.push(0);
-            for (x, &inked) in row.iter().enumerate() {
-                sum += u32::from(inked);
-                sums.push(sums[above + x + 1] + sum);
-            }
-        }
-        Self { evidence, sums }
+        let InkEvidence { near_ink, width, .. } = *evidence;
+        let height = near_ink.len() / width.max(1);
+        let inked = GrayImage::from_fn(width as u32, height as u32, |x, y| {
+            Luma([u8::from(near_ink[y as usize * width + x as usize])])
+        });
+        Self { evidence, sums: integral_image(&inked) }
     }
 
     /// The share of what is about column `u_px` from the axis in row `y` that is not near ink.
     fn share(&self, u_px: f64, y: usize) -> f64 {
-        let width = self.evidence.width;
-        let height = self.sums.len() / (width + 1) - 1;
+        // One more than the drawing's.
+        let [width, height] = [self.sums.width(), self.sums.height()].map(|side| side - 1);
         let across = (CROWD.0 * height as f64).max(MIN_CROWD_PX.0);
-        let down = (CROWD.1 * height as f64).max(MIN_CROWD_PX.1) as usize;
-        let column = self.evidence.column(u_px);
-        let end = |at: f64, most: usize| (at.max(0.0) as usize).min(most);
-        let (left, right) = (end(column - across, width), end(column + across + 1.0, width));
-        let (top, bottom) = (y.saturating_sub(down).min(height), (y + down + 1).min(height));
-        let at = |x: usize, y: usize| self.sums[y * (width + 1) + x];
-        let inked = at(right, bottom) + at(left, top) - at(left, bottom) - at(right, top);
-        1.0 - f64::from(inked) / ((right - left) * (bottom - top)).max(1) as f64
+        let down = (CROWD.1 * height as f64).max(MIN_CROWD_PX.1) as u32;
+        let (column, y) = (self.evidence.column(u_px), (y as u32).min(height));
+        let end = |at: f64| (at.max(0.0) as u32).min(width);
+        let (left, right) = (end(column - across), end(column + across + 1.0));
+        let (top, bottom) = (y.saturating_sub(down), (y + down + 1).min(height));
+        if left >= right || top >= bottom {
+            return 1.0;
+        }
+        let [inked] = sum_image_pixels(&self.sums, left, top, right - 1, bottom - 1);
+        1.0 - f64::from(inked) / f64::from((right - left) * (bottom - top))
     }
 }
 
@@ -159,7 +157,8 @@ pub(super) fn sharp_corners(
     window_px: f64,
     boxy: bool,
 ) -> Vec<Vec<Vec<bool>>> {
-    let papers: Vec<Paper<'_>> = drawings.iter().map(Paper::new).collect();
+    use rayon::prelude::*;
+    let papers: Vec<Paper<'_>> = drawings.par_iter().map(Paper::new).collect();
     let mut corners = gather(slices, &papers);
     let tracks = link(slices, &mut corners, pitch_px);
     let window = (window_px / pitch_px / 2.0).ceil() as usize;
