@@ -5,6 +5,7 @@ use std::io;
 
 use picture::EncodeError;
 use progress::Cancelled;
+use turntable::export::ExportError;
 use turntable::silhouette::SilhouetteError;
 use turntable::solid::SolidError;
 use uncalibrated::PipelineError;
@@ -51,6 +52,15 @@ impl DraftError {
 impl From<EncodeError> for DraftError {
     fn from(error: EncodeError) -> Self {
         Self::internal(error)
+    }
+}
+
+impl From<ExportError> for DraftError {
+    fn from(error: ExportError) -> Self {
+        match error {
+            ExportError::Encode(error) => error.into(),
+            ExportError::Cancelled(cancelled) => cancelled.into(),
+        }
     }
 }
 

@@ -67,7 +67,8 @@ pub(super) fn run(run: &Run<'_>, delivery: Delivery<'_>) -> Result<Summary, Draf
     let cleaned =
         Files { artifacts: cleaned(&draft, document, run.holes, &on_sheet)?, ..Files::default() };
     exporter.take(cleaned)?;
-    let models = || model_files(&draft, &quads, &placement, &frames, own.reference_planes);
+    let planes = own.reference_planes;
+    let models = || model_files(&draft, &quads, &placement, &frames, planes, &exporting);
     exporter.take(pool.install(models)?)?;
     exporter.unit_done("mesh")?;
     for name in [ArtifactName::Cloud, ArtifactName::Hull] {

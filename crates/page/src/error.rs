@@ -19,6 +19,14 @@ pub enum PageError {
         /// What was found and left out.
         left_out: usize,
     },
+    /// One of several pictures is to blame.
+    #[error("picture {}: {error}", number + 1)]
+    InPicture {
+        /// Which, from 0.
+        number: usize,
+        /// Why.
+        error: Box<PageError>,
+    },
     /// There are more figures than a sheet has views.
     #[error("{found} figures were found on the page, at most {limit} are taken")]
     TooManyFigures {

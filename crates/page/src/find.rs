@@ -57,7 +57,7 @@ pub fn propose(
 /// such as the frames of an animation: a proposal each, of one figure.
 ///
 /// # Errors
-/// As [`propose`]; every picture must have a figure.
+/// As [`propose`], of the picture to blame; every one must have a figure.
 pub fn propose_turn(
     pictures: &[RgbaImage],
     options: &PageOptions,
@@ -69,8 +69,12 @@ pub fn propose_turn(
     }
     let mut proposals = Vec::new();
     let mut shapes = Vec::new();
-    for picture in pictures {
-        let Found { mut proposal, shapes: own } = found(picture, options, observer)?;
+    for (number, picture) in pictures.iter().enumerate() {
+        let found = found(picture, options, observer).map_err(|error| match error {
+            PageError::Cancelled => error,
+            error => PageError::InPicture { number, error: Box::new(error) },
+        });
+        let Found { mut proposal, shapes: own } = found?;
         let area =
             |figure: &Figure| u64::from(figure.place.width()) * u64::from(figure.place.height());
         let main = (0..own.len())

@@ -148,6 +148,10 @@ fn a_turn_of_pictures_is_in_even_steps() {
     let proposals = page::propose_turn(&frames, &PageOptions::default(), &Silent).unwrap();
     let azimuths: Vec<f64> = proposals.iter().flat_map(degrees).collect();
     assert_eq!(azimuths, [0.0, 270.0, 180.0, 90.0]);
+    // Without a figure in one of them it is that one's fault.
+    let [first, ..] = frames;
+    let refused = page::propose_turn(&[first, paper(200, 260)], &PageOptions::default(), &Silent);
+    assert!(matches!(refused, Err(PageError::InPicture { number: 1, .. })));
 }
 
 #[test]

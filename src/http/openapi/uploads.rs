@@ -93,7 +93,7 @@ pub(super) fn page_upload_schema() -> Value {
         "required": ["page"],
         "properties": {
             "page": {"type": "array", "minItems": 1, "items": {"type": "string", "format": "binary"},
-                "description": "A picture with several views on it, an animated GIF of a turn, or several pictures of one view each, in even steps of a turn."},
+                "description": "A picture with several views on it, an animated GIF of a turn, or several pictures of one view each, in even steps of a turn; problems call them `page`, `page[1]`, `page[2]`."},
             "azimuths": {"type": "string", "default": "auto", "examples": ["0,45,90,180"],
                 "description": "The azimuths of the figures in reading order, degrees; `auto` guesses them."},
         },

@@ -82,17 +82,19 @@ pub(in crate::http) fn search(
     };
     let mut pictures = Vec::new();
     let mut image = limits.image;
-    for bytes in files {
+    for (number, bytes) in files.iter().enumerate() {
         // All together have at most as many pixels as one may have.
         let found = ::page::decode(bytes, &image, options.max_figures);
-        let found = found.map_err(|error| animation_problem(&error))?;
+        let found = found.map_err(|error| animation_problem(&page_part(number), &error))?;
         let pixels = |p: &RgbaImage| u64::from(p.width()) * u64::from(p.height());
         let used: u64 = found.iter().map(pixels).sum();
         image.max_pixels = image.max_pixels.saturating_sub(used);
         pictures.extend(found);
     }
     let found = ::page::propose_all(&pictures, &options, &Silent);
-    let mut proposals = found.map_err(|error| page_problem(&error))?;
+    // The frames of an animation are of one part.
+    let apart = files.len() == pictures.len();
+    let mut proposals = found.map_err(|error| page_problem(&error, apart))?;
     if let Some(azimuths) = azimuths {
         ::page::set_azimuths(&mut proposals, azimuths)
             .map_err(|error| number_problem(&error, &proposals))?;
@@ -106,11 +108,16 @@ pub(in crate::http) fn azimuth_part(text: Option<&str>) -> Result<Option<Vec<Azi
     azimuths.map_err(|error| Problem::new(INVALID_ANGLE, error).part("azimuths"))
 }
 
-fn animation_problem(error: &AnimationError) -> Problem {
+/// What the parts `page` are called in problems: `page`, `page[1]` and so on.
+pub(super) fn page_part(number: usize) -> String {
+    if number == 0 { "page".to_owned() } else { format!("page[{number}]") }
+}
+
+fn animation_problem(part: &str, error: &AnimationError) -> Problem {
     match error {
-        AnimationError::Picture(error) => image_problem("page", error),
+        AnimationError::Picture(error) => image_problem(part, error),
         AnimationError::TooManyFrames { .. } => {
-            Problem::new(TOO_MANY_PIXELS, format!("`page` {error}; leave some out")).part("page")
+            Problem::new(TOO_MANY_PIXELS, format!("`{part}` {error}; leave some out")).part(part)
         }
     }
 }
@@ -120,12 +127,18 @@ fn encoded(picture: &RgbaImage, proposal: &PageProposal, index: usize) -> Result
     png.map(Bytes::from).map_err(|error| Problem::internal("a view of the page", &error))
 }
 
-fn page_problem(error: &PageError) -> Problem {
-    let (kind, mend) = match error {
+/// * `apart`: whether each picture is a part of its own.
+fn page_problem(error: &PageError, apart: bool) -> Problem {
+    let (number, cause) = match error {
+        PageError::InPicture { number, error } => (*number, &**error),
+        error => (0, error),
+    };
+    let (kind, mend) = match cause {
         PageError::TooManyFigures { .. } => (TOO_MANY_VIEWS, "send the views one by one"),
         _ => (NO_FIGURE, "send the views one by one, as parts `view[AZIMUTH]`"),
     };
-    Problem::new(kind, format!("{error}; {mend}")).part("page")
+    let part = page_part(if apart { number } else { 0 });
+    Problem::new(kind, format!("{error}; {mend}")).part(part)
 }
 
 /// Says which figures were found, so that the azimuths can be put right.

@@ -7,6 +7,7 @@ use multer::Field;
 
 use super::Form;
 use super::document::Document;
+use super::page::page_part;
 use super::parts::{FilePart, expect_new, part_name, read_picture, read_text};
 use crate::http::HttpLimits;
 use crate::http::problem::{Problem, TOO_MANY_VIEWS, UNKNOWN_PART};
@@ -36,7 +37,8 @@ impl Form for PageForm {
                     let detail = format!("the page has more than {most} pictures; send fewer");
                     return Err(Problem::new(TOO_MANY_VIEWS, detail).part(name));
                 }
-                self.pages.push(read_picture(field, name, limits).await?.bytes);
+                let part = page_part(self.pages.len());
+                self.pages.push(read_picture(field, part, limits).await?.bytes);
             }
             "azimuths" => {
                 expect_new(self.azimuths.is_none(), &name)?;

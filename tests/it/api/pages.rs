@@ -374,9 +374,8 @@ async fn pages_that_cannot_be_reconstructed_are_told() {
 #[tokio::test]
 async fn several_pictures_are_a_turn() {
     let service = Service::start().await;
-    let one = |seed: u32| {
+    let one = |half: u32| {
         let view = GrayImage::from_fn(120, 200, |x, y| {
-            let half = 20 + seed * 8;
             let inside = (60 - half..60 + half).contains(&x) && (30..180).contains(&y);
             Luma([if inside { 90 } else { 255 }])
         });
@@ -384,7 +383,14 @@ async fn several_pictures_are_a_turn() {
         view.write_to(&mut bytes, ImageFormat::Png).unwrap();
         file(bytes.into_inner(), "view.png")
     };
-    let form = (0..4).fold(Form::new(), |form, k| form.part("page", one(k % 2)));
+    // What is wrong with one of them is said of that one.
+    let wrong = file(b"no picture".to_vec(), "view.png");
+    for (wrong, kind) in [(wrong, "not-an-image"), (one(0), "no-figure")] {
+        let form = Form::new().part("page", one(20)).part("page", wrong);
+        let refused = problem(posted(&service, form).await, 422, kind).await;
+        assert_eq!(refused["part"], "page[1]");
+    }
+    let form = (0..4).fold(Form::new(), |form, k| form.part("page", one(20 + 8 * (k % 2))));
     let response = posted(&service, form).await;
     assert_eq!(response.status(), 201);
     let page: Value = response.json().await.unwrap();

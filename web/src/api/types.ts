@@ -8,6 +8,7 @@ export type Reconstruction = Schemas["Reconstruction"];
 export type Sheet = Schemas["Sheet"];
 export type Page = Schemas["Page"];
 export type PageFigure = Schemas["PageFigure"];
+export type FigureEdit = Schemas["FigureEdit"];
 export type PageEdit = Schemas["PageEdit"];
 export type PageSummary = Schemas["PageSummary"];
 export type Link = Schemas["Link"];

@@ -3,9 +3,11 @@
 import { flattened } from "./options";
 
 export interface Made {
-  /** `page=ID`, `source=ID` or the files sent. */
+  /** `source=ID`, which brings options along, `page=ID` or the files sent. */
   form: [name: string, value: string][];
   options: Record<string, unknown>;
+  /** The model that comes out: `solid.glb`. */
+  model: string;
 }
 
 const quoted = (value: string) =>
@@ -37,7 +39,6 @@ export function python(made: Made, base: string, withKey: boolean): string {
     isFile(value)
       ? `    (${string(name)}, open(${string(value.slice(1))}, "rb")),`
       : `    (${string(name)}, (None, ${string(value)})),`;
-  const model = made.options.method === "uncalibrated" ? "hull.glb" : "solid.glb";
   const headers = withKey
     ? ['headers = {"Authorization": f"Bearer {os.environ[\'TURNAROUND_KEY\']}"}']
     : ["headers = {}"];
@@ -54,7 +55,7 @@ export function python(made: Made, base: string, withKey: boolean): string {
     'while job["state"] in ("queued", "running"):',
     '    job = requests.get(base + f"v1/reconstructions/{job[\'id\']}",',
     '                       headers={**headers, "Prefer": "wait=30"}).json()',
-    `glb = requests.get(base + f"v1/reconstructions/{job['id']}/artifacts/${model}", headers=headers)`,
-    `open("${model}", "wb").write(glb.content)`,
+    `glb = requests.get(base + f"v1/reconstructions/{job['id']}/artifacts/${made.model}", headers=headers)`,
+    `open("${made.model}", "wb").write(glb.content)`,
   ].join("\n");
 }

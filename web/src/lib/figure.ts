@@ -1,6 +1,6 @@
 // Figures of a page: new ones, and those that cannot be used together.
 
-import type { PageFigure } from "../api/types";
+import type { Page, PageFigure } from "../api/types";
 import { turned } from "./azimuth";
 import { fresh } from "./boxes";
 
@@ -26,6 +26,19 @@ export function twins(angles: (Angle & { kept?: boolean })[]): [number, number] 
 
 /** How many views are level: two of them are needed. */
 export const levelOf = (angles: Angle[]) => angles.filter((angle) => angle.elevation_deg === 0).length;
+
+/** What was found on the page and is not used. In a picture that is a figure as a whole the
+    silhouette tells that, not what was found before. */
+export function unusedOf({ figures, pictures, left_out: found }: Page): Page["left_out"] {
+  const whole = figures
+    .filter(({ box, picture: number }) => {
+      const picture = pictures[number];
+      const { left, top, right, bottom } = box;
+      return left === 0 && top === 0 && right === picture?.width && bottom === picture.height;
+    })
+    .map((figure) => figure.picture);
+  return found.filter((thing) => !whole.includes(thing.picture));
+}
 
 /** A figure in the middle of the picture, at an angle that none has yet. */
 export function newFigure(

@@ -2,12 +2,12 @@
 
 import { fill, text } from "../text";
 import type { Reconstruction } from "../api/types";
-import { azimuthName } from "./azimuth";
+import { type Viewpoint, viewpointOf, viewpointWords } from "./viewpoint";
 
 export type Grade = "good" | "fair" | "poor";
 
 export interface ViewFit {
-  azimuth: number;
+  view: Viewpoint;
   grade: Grade;
   /** Share of outlines that overlap. */
   overlap: number;
@@ -20,18 +20,17 @@ export function gradeOf(silhouetteIou: number): Grade {
   return silhouetteIou >= 0.88 ? "fair" : "poor";
 }
 
-/** Of the level views, which the page shows beside the draft. */
 export function fitsOf(job: Reconstruction): ViewFit[] {
-  const level = (job.summary?.fit ?? []).filter((fit) => !fit.elevation_deg);
-  return level.map((fit) => {
+  return (job.summary?.fit ?? []).map((fit) => {
+    const view = viewpointOf(fit);
     const grade = gradeOf(fit.silhouette_iou);
     const values = {
-      azimuth: azimuthName(fit.azimuth_deg),
+      view: viewpointWords(view),
       overlap: percent(fit.silhouette_iou),
       distance: fit.outline_distance_px?.toFixed(1) ?? "–",
     };
     const words = fill(text.fit[grade], values);
-    return { azimuth: fit.azimuth_deg, grade, overlap: fit.silhouette_iou, words };
+    return { view, grade, overlap: fit.silhouette_iou, words };
   });
 }
 
@@ -39,7 +38,7 @@ export function fitsOf(job: Reconstruction): ViewFit[] {
 export function verdict(fits: ViewFit[]): { grade: Grade; words: string } | null {
   if (fits.length === 0) return null;
   const poor = fits.filter((fit) => fit.grade === "poor");
-  const names = (some: ViewFit[]) => some.map((fit) => `${azimuthName(fit.azimuth)}°`).join(", ");
+  const names = (some: ViewFit[]) => some.map((fit) => viewpointWords(fit.view)).join(", ");
   if (poor.length > 0) {
     const words = poor.length === 1 ? text.fit.onePoor : text.fit.somePoor;
     return { grade: "poor", words: fill(words, { views: names(poor) }) };

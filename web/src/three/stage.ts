@@ -4,9 +4,11 @@
 import {
   AmbientLight,
   BufferGeometry,
+  CanvasTexture,
   Color,
   DirectionalLight,
   DoubleSide,
+  EqualStencilFunc,
   FrontSide,
   GridHelper,
   Group,
@@ -17,10 +19,13 @@ import {
   Mesh,
   MeshBasicMaterial,
   MeshLambertMaterial,
+  NotEqualStencilFunc,
   type Object3D,
   OrthographicCamera,
   PerspectiveCamera,
   Raycaster,
+  ReplaceStencilOp,
+  SRGBColorSpace,
   Scene,
   Spherical,
   type Texture,
@@ -31,7 +36,8 @@ import {
 } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import { GLTFLoader } from "three/examples/jsm/loaders/GLTFLoader.js";
-import { planeName } from "./names";
+import { shaded } from "../lib/shade";
+import { type Viewpoint, planeName } from "../lib/viewpoint";
 
 export type Surface = "clay" | "confidence" | "drawings";
 
@@ -46,11 +52,13 @@ interface Draft {
   root: Group;
   clay: Mesh[];
   textured: Object3D[];
-  /** Planes with the drawings, by azimuth as in `ref_045`. */
+  /** Planes with the drawings, by names as `ref_045`. */
   planes: Map<string, Mesh>;
   height: number;
   centre: Vector3;
   radius: number;
+  /** The farthest from its turning axis, seen from above. */
+  reach: number;
 }
 
 export interface Colours {
@@ -60,6 +68,12 @@ export interface Colours {
 }
 
 const FOV = 32;
+/** Of pixels that the draft covers. */
+const COVERED = 1;
+const MARKS_COVERED = { stencilWrite: true, stencilRef: COVERED, stencilZPass: ReplaceStencilOp } as const;
+/** What is drawn and not in the draft, and the other way round. */
+const DRAWN_ONLY = [47, 107, 255, 255] as const;
+const DRAFT_ONLY = [224, 85, 27, 255] as const;
 const meshesOf = (root: Object3D): Mesh[] => {
   const found: Mesh[] = [];
   root.traverse((node) => {
@@ -77,6 +91,14 @@ function isSoftware(): boolean {
   return /swiftshader|llvmpipe|software/i.test(name);
 }
 
+function textureOf(canvas: OffscreenCanvas): Texture {
+  const texture = new CanvasTexture(canvas);
+  texture.colorSpace = SRGBColorSpace;
+  // As glTF has its textures.
+  texture.flipY = false;
+  return texture;
+}
+
 async function parse(bytes: ArrayBuffer): Promise<Group> {
   return (await new GLTFLoader().parseAsync(bytes, "")).scene;
 }
@@ -92,11 +114,14 @@ export class Stage {
   #surface: Surface = "clay";
   #wireframe = false;
   #turning = false;
-  #overlay: { azimuth: number; opacity: number } | null = null;
+  #overlay: { view: Viewpoint; opacity: number } | null = null;
   /** Where the first draft ends and the second begins, share of the width. */
   #split: number | null = null;
+  #difference: Mesh[] = [];
   #grid: GridHelper | null = null;
   #showGrid = true;
+  /** How long a square of the grid is, metres. */
+  cell = 1;
   #measured: Vector3[] = [];
   #line: Line;
   #measuring: ((metres: number | null, points: number) => void) | null = null;
@@ -117,7 +142,7 @@ export class Stage {
     private readonly onFree: () => void,
   ) {
     this.#colours = colours;
-    this.#renderer = new WebGLRenderer({ canvas, antialias: !isSoftware() });
+    this.#renderer = new WebGLRenderer({ canvas, antialias: !isSoftware(), stencil: true });
     this.#controls = this.#controlsOf(this.#perspective);
     this.#scene.add(new HemisphereLight(0xffffff, 0x8d97ab, 1.5), new AmbientLight(0xffffff, 0.35));
     const key = new DirectionalLight(0xffffff, 1.7);
@@ -167,18 +192,21 @@ export class Stage {
         planes.set(node.name, plane);
       }
     }
+    for (const mesh of body.flatMap(meshesOf)) Object.assign(mesh.material, MARKS_COVERED);
     root.add(solid);
     if (textured) root.add(textured);
     const box = new Box3();
     for (const mesh of clay) box.expandByObject(mesh);
+    const size = box.getSize(new Vector3());
     const draft: Draft = {
       root,
       clay,
       textured: body,
       planes,
-      height: box.max.y - box.min.y,
+      height: size.y,
       centre: box.getCenter(new Vector3()),
-      radius: box.getSize(new Vector3()).length() / 2,
+      radius: size.length() / 2,
+      reach: Math.hypot(size.x, size.z) / 2,
     };
     for (const mesh of clay) {
       mesh.userData["confidence"] = mesh.geometry.getAttribute("color");
@@ -218,10 +246,10 @@ export class Stage {
     this.#place(28, 78);
   }
 
-  /** Looks exactly as at a drawing: level and without perspective. */
-  lookAt(azimuth: number): void {
+  /** Looks exactly as at a drawing: from where it was drawn and without perspective. */
+  lookAt({ azimuth, elevation }: Viewpoint): void {
     this.#isFlat = true;
-    this.#place(azimuth, 90);
+    this.#place(azimuth, 90 - elevation);
   }
 
   setFlat(flat: boolean): void {
@@ -279,14 +307,46 @@ export class Stage {
     this.invalidate();
   }
 
-  /** Lays the drawing of an azimuth over the draft; null takes it away. */
-  setOverlay(azimuth: number | null, opacity: number): void {
-    this.#overlay = azimuth === null ? null : { azimuth, opacity };
+  /** Lays the drawing of a view over the draft; null takes it away. */
+  setOverlay(view: Viewpoint | null, opacity: number): void {
+    this.#overlay = view && { view, opacity };
     this.#apply();
   }
 
-  hasDrawing(azimuth: number): boolean {
-    return this.#main?.planes.has(planeName(azimuth)) ?? false;
+  hasDrawing(view: Viewpoint): boolean {
+    return this.#main?.planes.has(planeName(view)) ?? false;
+  }
+
+  /** Colours where the draft and the silhouette of a view's drawing differ; null ends it. */
+  setDifference(shown: { view: Viewpoint; silhouette: ImageBitmap } | null): void {
+    for (const mesh of this.#difference) {
+      mesh.removeFromParent();
+      const material = mesh.material as MeshBasicMaterial;
+      material.map?.dispose();
+      material.dispose();
+    }
+    this.#difference = [];
+    const plane = shown && this.#main?.planes.get(planeName(shown.view));
+    if (plane) {
+      for (const [inside, colour] of [[true, DRAWN_ONLY], [false, DRAFT_ONLY]] as const) {
+        const mesh = plane.clone();
+        mesh.visible = true;
+        mesh.renderOrder = 11;
+        mesh.material = new MeshBasicMaterial({
+          map: textureOf(shaded(shown.silhouette, colour, inside)),
+          transparent: true,
+          depthTest: false,
+          depthWrite: false,
+          side: DoubleSide,
+          stencilWrite: true,
+          stencilFunc: inside ? NotEqualStencilFunc : EqualStencilFunc,
+          stencilRef: COVERED,
+        });
+        plane.parent?.add(mesh);
+        this.#difference.push(mesh);
+      }
+    }
+    this.invalidate();
   }
 
   setSplit(share: number | null): void {
@@ -336,9 +396,15 @@ export class Stage {
   #place(azimuth: number, polar: number): void {
     const draft = this.#main;
     if (!draft) return;
-    const distance = (draft.radius * 1.12) / Math.sin((FOV * Math.PI) / 360);
+    // All of it is seen: on narrow screens its width asks for more.
+    const half = (FOV * Math.PI) / 360;
+    const across = Math.atan(Math.tan(half) * Math.min(1, this.#perspective.aspect));
+    const distance = Math.max(
+      (draft.radius * 1.12) / Math.sin(half),
+      (draft.reach * 1.12) / Math.sin(across),
+    );
     const radians = (azimuth * Math.PI) / 180;
-    const phi = (Math.min(179, Math.max(1, polar)) * Math.PI) / 180;
+    const phi = (Math.min(179.99, Math.max(0.01, polar)) * Math.PI) / 180;
     const camera = this.#camera;
     camera.position
       .setFromSpherical(new Spherical(distance, phi, radians))
@@ -374,10 +440,9 @@ export class Stage {
       this.#scene.remove(this.#grid);
       this.#grid.dispose();
     }
-    // Half a metre a square, or what suits the model's size.
-    const cell = 10 ** Math.round(Math.log10(draft.height / 6)) * 2;
-    const count = 2 * Math.ceil((draft.radius * 1.6) / cell);
-    const grid = new GridHelper(count * cell, count, this.#colours.grid, this.#colours.grid);
+    this.cell = 10 ** Math.round(Math.log10(draft.height / 6)) * 2;
+    const count = 2 * Math.ceil((draft.radius * 1.6) / this.cell);
+    const grid = new GridHelper(count * this.cell, count, this.#colours.grid, this.#colours.grid);
     grid.position.y = draft.centre.y - draft.height / 2;
     grid.visible = this.#showGrid;
     this.#grid = grid;
@@ -399,12 +464,13 @@ export class Stage {
           side: FrontSide,
           wireframe: this.#wireframe,
           flatShading: false,
+          ...MARKS_COVERED,
         });
       }
       for (const [name, plane] of draft.planes) {
         const shown =
           this.#overlay !== null &&
-          name === planeName(this.#overlay.azimuth) &&
+          name === planeName(this.#overlay.view) &&
           this.#overlay.opacity > 0;
         plane.visible = shown;
         if (this.#overlay) (plane.material as MeshBasicMaterial).opacity = this.#overlay.opacity;
@@ -469,14 +535,20 @@ export class Stage {
   };
 
   #pointerUp = (event: PointerEvent): void => {
-    const draft = this.#main;
     const moved = this.#down.distanceTo(new Vector2(event.clientX, event.clientY));
-    if (!this.#measuring || !draft || moved > 4) return;
+    if (moved > 4) return;
     const place = this.canvas.getBoundingClientRect();
-    const at = new Vector2(
+    this.measureAt(
       ((event.clientX - place.left) / place.width) * 2 - 1,
       1 - ((event.clientY - place.top) / place.height) * 2,
     );
+  };
+
+  /** Takes the point of the draft seen at a place, -1 to 1 from left and from below. */
+  measureAt(x: number, y: number): void {
+    const draft = this.#main;
+    if (!this.#measuring || !draft) return;
+    const at = new Vector2(x, y);
     const ray = new Raycaster();
     ray.setFromCamera(at, this.#camera);
     const hit = ray.intersectObjects(draft.clay, false)[0];
@@ -488,5 +560,5 @@ export class Stage {
     if (a && b) this.#line.geometry.setFromPoints([a, b]);
     this.#measuring(a && b ? a.distanceTo(b) : null, this.#measured.length);
     this.invalidate();
-  };
+  }
 }

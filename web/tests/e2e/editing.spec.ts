@@ -12,6 +12,12 @@ interface Figure {
   holes: number[][];
 }
 
+/** The sheet that a page makes. */
+interface Made {
+  views: { axis_x?: number; erase?: number[][][]; ignore?: number[][]; mirrored?: boolean }[];
+  holes: { azimuth_deg: number }[];
+}
+
 const idOf = (page: Page) => /(?:page|job)\/(.*)$/.exec(page.url())?.[1] ?? "";
 
 async function openPage(page: Page) {
@@ -46,7 +52,7 @@ test("axis, ground, elevation and marks reach the document", async ({ page }) =>
   const line = await ground.boundingBox();
   if (!line) throw new Error("no ground line");
   const row = Number(await ground.getAttribute("aria-valuenow"));
-  const [x, y] = [line.x + line.width * 0.9, line.y + line.height / 2];
+  const [x, y] = [line.x + line.width * 0.75, line.y + line.height / 2];
   await page.mouse.move(x, y);
   await page.mouse.down();
   await page.mouse.move(x, y + 12, { steps: 3 });
@@ -95,6 +101,63 @@ test("axis, ground, elevation and marks reach the document", async ({ page }) =>
   expect(made.views[3]?.elevation_deg).toBe(90);
   await page.getByRole("button", { name: "Draw the outline" }).click();
   await narrow(page, "marks");
+  expect(errors).toEqual([]);
+});
+
+test("several drawings are checked and marked, and used as sent", async ({ page }) => {
+  const id = await sheet("0,45,90,180");
+  const files = await Promise.all(["000", "045", "090"].map((name) => fileOf(id, `view_${name}.png`)));
+  const model = async () => {
+    await expect(page.getByTestId("state")).toHaveText("Done", { timeout: 90_000 });
+    const answer = await fetch(`${base()}v1/reconstructions/${idOf(page)}/artifacts/solid.glb`);
+    return Buffer.from(await answer.arrayBuffer());
+  };
+  // A broken one is named.
+  const errors = await open(page);
+  await give(page, [files[0] as never, { ...(files[1] as object), buffer: Buffer.from("x") } as never]);
+  await page.getByRole("button", { name: "Check the silhouettes" }).click();
+  const broken = page.getByRole("listitem").filter({ hasText: "view_045.png" });
+  await expect(broken.getByRole("alert")).toContainText("is not a PNG");
+  await accessible(page, "a drawing refused");
+  await page.reload();
+
+  await give(page, files);
+  await page.getByRole("button", { name: "Make the 3D draft of 3 views" }).click();
+  const sent = await model();
+
+  // As figures of a page they are what was sent: the same draft to the byte.
+  await page.goto(base());
+  await give(page, files);
+  await page.getByRole("button", { name: "Check the silhouettes" }).click();
+  await page.waitForURL(/#\/page\//);
+  await expect(page.getByText("Not used (0)")).toBeVisible();
+  await accessible(page, "drawings checked");
+  await page.getByRole("button", { name: "Make the 3D draft of 3 views" }).click();
+  expect(sent.equals(await model())).toBe(true);
+
+  // Marked by keys, the second: in its own pixels.
+  await page.getByRole("link", { name: "Back to its page" }).click();
+  await page.getByRole("button", { name: "Picture 2 of 3" }).click();
+  const axis = page.getByRole("slider", { name: "Turning axis of figure 2, column" });
+  const column = Number(await axis.getAttribute("aria-valuenow"));
+  await axis.press("ArrowRight");
+  await page.getByRole("button", { name: "Leave a piece out" }).click();
+  await page.getByRole("application", { name: /Figure 2: Leave a piece out/ }).press("Space");
+  await page.getByRole("button", { name: "Erase an area" }).click();
+  const area = page.getByRole("application", { name: /Figure 2: Erase an area/ });
+  for (const key of ["Space", "ArrowLeft", "Space", "ArrowUp", "Space", "Enter"]) await area.press(key);
+  await page.getByRole("button", { name: "Mark a hole" }).click();
+  await page.getByRole("application", { name: /Figure 2: Mark a hole/ }).press("Space");
+  await page.getByRole("checkbox", { name: "The drawing is mirrored" }).check();
+  const made = async () => (await api<{ sheet: Made }>(`v1/pages/${idOf(page)}`)).sheet;
+  await expect.poll(async () => (await made()).views[1]?.mirrored).toBe(true);
+  const { views, holes } = await made();
+  expect(views[1]?.axis_x).toBeCloseTo(column + 5, -1);
+  expect(views[1]?.erase?.[0]).toHaveLength(3);
+  expect(views[1]?.ignore).toHaveLength(1);
+  expect(holes).toMatchObject([{ azimuth_deg: 45 }]);
+  expect([views[0]?.axis_x ?? null, views[2]?.axis_x ?? null]).toEqual([null, null]);
+  await narrow(page, "drawings marked");
   expect(errors).toEqual([]);
 });
 

@@ -109,6 +109,15 @@ export function differing(a: Uint8Array, b: Uint8Array): number {
   return count / (a.length / 4);
 }
 
+/** Share of pixels of about this colour. */
+export function coloured(picture: Uint8Array, colour: number[]): number {
+  let count = 0;
+  for (let k = 0; k < picture.length; k += 4) {
+    if (colour.every((level, c) => Math.abs((picture[k + c] ?? 0) - level) <= 12)) count += 1;
+  }
+  return count / (picture.length / 4);
+}
+
 /** Share of pixels that are not of the commonest colour. */
 export function covered(picture: Uint8Array): number {
   const counts = new Map<number, number>();

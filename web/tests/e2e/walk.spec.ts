@@ -1,7 +1,7 @@
 // The main walk: a page dropped, put right, run, looked at and taken away.
 import { readFileSync } from "node:fs";
 import { expect, test } from "@playwright/test";
-import { STAGE, accessible, api, covered, differing, fileOf, give, open, pixels, sheet } from "./help";
+import { STAGE, accessible, api, coloured, covered, differing, fileOf, give, open, pixels, sheet } from "./help";
 
 test("a dropped page becomes a model on screen and a file on disk", async ({ page }) => {
   const id = await sheet("0,45,90,180");
@@ -66,6 +66,28 @@ test("a dropped page becomes a model on screen and a file on disk", async ({ pag
   await blend.fill("100");
   const drawing = await pixels(page, STAGE);
   expect(differing(draft, drawing)).toBeGreaterThan(0.02);
+
+  // Where outlines differ is coloured, and nowhere else.
+  await blend.fill("0");
+  await page.getByRole("button", { name: "Difference" }).click();
+  await expect(page.getByText("drawn, not in the draft")).toBeVisible();
+  const blue = async () => coloured(await pixels(page, STAGE), [47, 107, 255]);
+  await expect.poll(blue).toBeGreaterThan(0.0005);
+  expect(await blue()).toBeLessThan(0.02);
+  await accessible(page, "difference");
+  await page.getByRole("button", { name: "Difference" }).click();
+  await expect.poll(blue).toBe(0);
+
+  // Two points by keys: the draft is turned between them.
+  await look.getByRole("button", { name: "Free" }).click();
+  await page.getByRole("button", { name: "Measure" }).click();
+  const stage = page.locator(STAGE);
+  await stage.press("Space");
+  await expect(page.getByText("Click a second point")).toBeVisible();
+  await stage.press("ArrowUp");
+  await stage.press("Space");
+  await expect(page.getByText(/^0\.\d{3} m$/)).toBeVisible();
+  await page.getByRole("button", { name: "Measure" }).click();
 
   for (const [tab, words] of [
     ["Depth", "Point at the map to read a value."],

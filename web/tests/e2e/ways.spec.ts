@@ -133,6 +133,30 @@ test("a job that fails says why and how to mend it", async ({ page }) => {
   await accessible(page, "failed");
 });
 
+test("a drawing from above is looked at from above", async ({ page }) => {
+  const id = await sheet("0,90,0@90");
+  const form = new FormData();
+  for (const [view, name] of [["0", "000"], ["90", "090"], ["0,90", "000_e90"]] as const) {
+    const file = await fileOf(id, `view_${name}.png`);
+    form.append(`view[${view}]`, new Blob([new Uint8Array(file.buffer)]), file.name);
+  }
+  const job = await api<{ id: string }>("v1/reconstructions", { method: "POST", body: form });
+  const errors = await open(page, `#/job/${job.id}`);
+  await expect(page.getByTestId("state")).toHaveText("Done", { timeout: 90_000 });
+  await expect(page.locator(STAGE)).toBeVisible();
+  const look = page.getByRole("group", { name: "Look from" });
+  await look.getByRole("button", { name: "0° raised 90°" }).click();
+  await expect(page.getByRole("slider", { name: /Drawing over the draft/ })).toBeVisible();
+  await page.getByRole("tab", { name: "Depth" }).click();
+  await page.getByRole("combobox", { name: "View" }).selectOption("0° raised 90°");
+  const map = page.getByRole("application", { name: /Disparity at 0° raised 90°/ });
+  await expect(page.getByText(/\d px$/)).toBeVisible();
+  await map.press("ArrowDown");
+  await expect(page.getByText(/^column \d+, row \d+: /)).toBeVisible();
+  await accessible(page, "from above");
+  expect(errors).toEqual([]);
+});
+
 test("two drafts are compared with a slider", async ({ page }) => {
   await finished();
   await finished();

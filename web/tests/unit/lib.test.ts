@@ -8,7 +8,7 @@ import { filesOfSheet, sortFiles, unpacked } from "../../src/lib/drop";
 import { type Schema, changed, groupsOf, valuesOf } from "../../src/lib/options";
 import { readPfm, turbo } from "../../src/lib/pfm";
 import { gradeOf, percent, verdict } from "../../src/lib/plain";
-import { planeName } from "../../src/three/names";
+import { planeName, viewpointName, viewpointWords } from "../../src/lib/viewpoint";
 
 const file = (name: string, content = "x") => new File([content], name);
 
@@ -144,6 +144,7 @@ describe("commands", () => {
   const made = {
     form: [["page", "ID"] as [string, string], ["view[0]", "@it's a.png"] as [string, string]],
     options: { seed: 7, turntable: { solid: { prior: "off" } } },
+    model: "solid.glb",
   };
   it("say the same to a shell and to Python", () => {
     expect(curl(made, "http://x/sub/", true)).toBe(
@@ -163,8 +164,7 @@ describe("commands", () => {
     expect(code).not.toContain("KEY");
     expect(code).toContain("/artifacts/solid.glb");
     // Each method's own model.
-    const other = { ...made, options: { ...made.options, method: "uncalibrated" } };
-    expect(python(other, "http://x/", false)).toContain("/artifacts/hull.glb");
+    expect(python({ ...made, model: "hull.glb" }, "http://x/", false)).toContain("/artifacts/hull.glb");
   });
 });
 
@@ -185,7 +185,7 @@ describe("maps", () => {
 });
 
 describe("plain words", () => {
-  const fit = (azimuth: number, overlap: number) => ({ azimuth, overlap, grade: gradeOf(overlap), words: "" });
+  const fit = (azimuth: number, overlap: number) => ({ view: { azimuth, elevation: 0 }, overlap, grade: gradeOf(overlap), words: "" });
   it("name the views that disagree first", () => {
     expect(verdict([fit(0, 0.99), fit(45, 0.7), fit(90, 0.9)])).toMatchObject({
       grade: "poor",
@@ -197,7 +197,11 @@ describe("plain words", () => {
     expect([0.999, 1, 0.123].map(percent)).toEqual(["99 %", "100 %", "12 %"]);
   });
 
-  it("know the planes of a textured model by their angle", () => {
-    expect([0, 45, 22.5, 180].map(planeName)).toEqual(["ref_000", "ref_045", "ref_0225", "ref_180"]);
+  it("name views as files and planes do, and as people read them", () => {
+    const view = (azimuth: number, elevation = 0) => ({ azimuth, elevation });
+    const planes = [view(0), view(45), view(22.5), view(0, 90), view(315, -30.5)].map(planeName);
+    expect(planes).toEqual(["ref_000", "ref_045", "ref_0225", "ref_000_e90", "ref_315_e-305"]);
+    expect([view(-45), view(22.5, -30)].map(viewpointName)).toEqual(["315", "22.5_e-30"]);
+    expect([view(45), view(0, 90)].map(viewpointWords)).toEqual(["45°", "0° raised 90°"]);
   });
 });

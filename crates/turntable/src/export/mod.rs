@@ -8,6 +8,7 @@ use frames::{Elevation, FileAxes, Placement};
 use mesh::thumbnail;
 use mesh::write::{stl, three_mf};
 use picture::{EncodeError, FloatImage, normals_png, png, silhouette_png};
+use progress::{Cancelled, Observer};
 use rayon::prelude::*;
 use remesh::QuadMesh;
 
@@ -71,6 +72,17 @@ pub struct Frames {
     pub print: FileAxes,
 }
 
+/// Why there are no files.
+#[derive(Debug, thiserror::Error)]
+pub enum ExportError {
+    /// One cannot be written.
+    #[error(transparent)]
+    Encode(#[from] EncodeError),
+    /// Somebody asked to stop.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}
+
 /// The material of the OBJ.
 const MATERIAL: &str = "drawn";
 /// Makes a file.
@@ -85,14 +97,15 @@ const NO_TOLERANCE_PX: f64 = 0.0;
 ///   behind the model.
 ///
 /// # Errors
-/// [`EncodeError`] for a file that cannot be written.
+/// [`ExportError`] for a file that cannot be written, or if `observer` says stop.
 pub fn model_files(
     draft: &Draft<'_>,
     quads: &QuadMesh,
     placement: &Placement,
     frames: &Frames,
     reference_planes: bool,
-) -> Result<Files, EncodeError> {
+    observer: &dyn Observer,
+) -> Result<Files, ExportError> {
     let rig = draft.rig();
     let drawn = Drawn {
         rig: &rig,
@@ -100,11 +113,11 @@ pub fn model_files(
         placement,
     };
     let of_texture = || {
-        let textured = texture(draft, quads).ok_or_else(no_triangles)?;
+        let textured = texture(draft, quads, observer)?.ok_or_else(no_triangles)?;
         let texture_file = ArtifactName::Texture.to_string();
         let material_file = ArtifactName::SolidMtl.to_string();
         let obj = quad_obj(&textured, placement, &frames.obj, &material_file, MATERIAL);
-        let of_pictures = || {
+        let of_pictures = || -> Result<_, EncodeError> {
             let picture = png(&textured.texture)?;
             let glb = textured_glb(&textured, &picture, &drawn, reference_planes)?;
             Ok([(ArtifactName::Texture, picture), (ArtifactName::Textured, glb)])
@@ -119,7 +132,7 @@ pub fn model_files(
             (ArtifactName::Relief, relief?),
         ])
     };
-    let (plain, textured): (_, Result<_, EncodeError>) =
+    let (plain, textured): (_, Result<_, ExportError>) =
         rayon::join(|| plain_models(&draft.solid, &drawn, &frames.print), of_texture);
     let artifacts = plain?.into_iter().chain(textured?);
     let artifacts = artifacts.map(|(name, bytes)| Artifact::new(name, bytes)).collect();

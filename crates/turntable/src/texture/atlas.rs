@@ -3,6 +3,7 @@
 use mesh::Mesh;
 use mesh::shading::ShadedMesh;
 use nalgebra::{Point2, Point3};
+use progress::{Cancelled, Observer};
 
 use super::charts::{self, Projections, parts};
 use crate::surface::projection::{Rig, neighbours};
@@ -52,9 +53,17 @@ impl Atlas {
     ///
     /// * `mesh`: two triangles a quad, which stay together.
     /// * `labels`: per triangle a view's index, or the number of views.
-    pub(super) fn of(mesh: &Mesh, rig: &Rig, labels: &[usize]) -> Self {
+    ///
+    /// # Errors
+    /// [`Cancelled`] if `observer` says so.
+    pub(super) fn of(
+        mesh: &Mesh,
+        rig: &Rig,
+        labels: &[usize],
+        observer: &dyn Observer,
+    ) -> Result<Self, Cancelled> {
         let projections = Projections(rig);
-        let charts = charts::charts(mesh, &projections, labels);
+        let charts = charts::charts(mesh, &projections, labels, observer)?;
         let flat = |face: u32, point: &Point3<f64>| projections.flat(charts[face as usize], point);
         let parts: Vec<Flat> = parts(&neighbours(mesh), &charts)
             .into_iter()
@@ -64,7 +73,7 @@ impl Atlas {
         loop {
             let mut islands: Vec<Island> = parts.iter().map(|part| part.scaled(scale)).collect();
             if let Some(side) = packed(&mut islands) {
-                return Self { islands, side };
+                return Ok(Self { islands, side });
             }
             scale *= SHRINK;
         }

@@ -5,6 +5,7 @@ use mesh::Mesh;
 use mesh::colour::srgb_byte_from_linear;
 use mesh::shading::ShadedMesh;
 use nalgebra::{Point2, Point3, Vector3};
+use progress::{Cancelled, Observer};
 use rayon::prelude::*;
 
 use super::atlas::{Atlas, Island, PADDING};
@@ -13,16 +14,21 @@ use super::blend::{ColourOf, LinearColour};
 /// Colours every texel whose centre lies on a face, then the padding around.
 ///
 /// * `vertices`: colours of the mesh's vertices, for points that `colour` does not know.
+///
+/// # Errors
+/// [`Cancelled`] if `observer` says so.
 pub(super) fn texture(
     mesh: &Mesh,
     shaded: &ShadedMesh,
     atlas: &Atlas,
     vertices: &[LinearColour],
     colour: &ColourOf<'_>,
-) -> RgbImage {
+    observer: &dyn Observer,
+) -> Result<RgbImage, Cancelled> {
     let baker = Baker { mesh, shaded, vertices, colour };
+    let tile = |island| observer.check().map(|()| baker.tile(island));
     let tiles: Vec<Vec<Option<LinearColour>>> =
-        atlas.islands.par_iter().map(|island| baker.tile(island)).collect();
+        atlas.islands.par_iter().map(tile).collect::<Result<_, _>>()?;
     let mut texture = RgbImage::new(atlas.side, atlas.side);
     for (island, tile) in atlas.islands.iter().zip(tiles) {
         let [left, top] = island.place;
@@ -32,7 +38,7 @@ pub(super) fn texture(
             texture.put_pixel(x, y, Rgb(colour.map(srgb_byte_from_linear)));
         }
     }
-    texture
+    Ok(texture)
 }
 
 struct Baker<'a> {

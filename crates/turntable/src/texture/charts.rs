@@ -5,6 +5,7 @@ use std::collections::HashSet;
 use mesh::shading::face_normal;
 use mesh::{Mesh, connected};
 use nalgebra::{Point2, Point3, Vector3};
+use progress::{Cancelled, Observer};
 
 use super::bake::for_texels;
 use crate::surface::projection::{Rig, neighbours};
@@ -56,7 +57,15 @@ const MAX_SHARED: usize = 4;
 ///
 /// * `mesh`: two triangles a quad, which stay together.
 /// * `labels`: per triangle a view's index, or the number of views.
-pub(super) fn charts(mesh: &Mesh, projections: &Projections<'_>, labels: &[usize]) -> Vec<usize> {
+///
+/// # Errors
+/// [`Cancelled`] if `observer` says so.
+pub(super) fn charts(
+    mesh: &Mesh,
+    projections: &Projections<'_>,
+    labels: &[usize],
+    observer: &dyn Observer,
+) -> Result<Vec<usize>, Cancelled> {
     let normals: Vec<Vector3<f64>> =
         (0..labels.len()).map(|face| face_normal(mesh, face)).collect();
     let chart = |face: usize| {
@@ -73,11 +82,11 @@ pub(super) fn charts(mesh: &Mesh, projections: &Projections<'_>, labels: &[usize
     let mut charts: Vec<usize> = (0..labels.len()).map(chart).collect();
     let neighbours = neighbours(mesh);
     for _ in 0..ROUNDS {
-        if !join_small(mesh, projections, &neighbours, &normals, &mut charts) {
+        if !join_small(mesh, projections, &neighbours, &normals, &mut charts, observer)? {
             break;
         }
     }
-    charts
+    Ok(charts)
 }
 
 /// Whether any part has joined another.
@@ -87,7 +96,8 @@ fn join_small(
     neighbours: &[Vec<usize>],
     normals: &[Vector3<f64>],
     charts: &mut [usize],
-) -> bool {
+    observer: &dyn Observer,
+) -> Result<bool, Cancelled> {
     let parts = parts(neighbours, charts);
     let mut part_of = vec![0; charts.len()];
     for (index, part) in parts.iter().enumerate() {
@@ -101,6 +111,7 @@ fn join_small(
     order.sort_by_key(|&part| (parts[part].len(), part));
     let mut any = false;
     for part in order {
+        observer.check()?;
         if members[part].is_empty() {
             continue;
         }
@@ -142,7 +153,7 @@ fn join_small(
         members[other].extend(moved);
         covered[part] = None;
     }
-    any
+    Ok(any)
 }
 
 /// The pixels of a chart whose centres lie on faces.
@@ -186,12 +197,15 @@ pub(super) fn parts(neighbours: &[Vec<usize>], charts: &[usize]) -> Vec<Vec<u32>
 
 #[cfg(test)]
 mod tests {
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
     use frames::Azimuth;
+    use progress::{Progress, Silent};
 
     use super::*;
 
-    #[test]
-    fn small_parts_join_without_covering_and_quads_stay_whole() {
+    /// A torus and its labels: every ninth quad is torn out of its neighbourhood.
+    fn torn_torus() -> (Mesh, Rig, Vec<usize>) {
         let mesh = mesh::builtin::torus(30.0, 12.0, 24, 12).mesh;
         let views = [0.0, 90.0].map(|degrees| Azimuth::from_degrees(degrees).unwrap().into());
         let rig = Rig {
@@ -201,14 +215,18 @@ mod tests {
             axis_px: 50.0,
             origin_row_px: 40.0,
         };
+        let unseen = rig.viewpoints.len();
+        let label = |face: usize| if (face / 2).is_multiple_of(9) { 0 } else { unseen };
+        let labels = (0..mesh.triangles.len()).map(label).collect();
+        (mesh, rig, labels)
+    }
+
+    #[test]
+    fn small_parts_join_without_covering_and_quads_stay_whole() {
+        let (mesh, rig, labels) = torn_torus();
         let projections = Projections(&rig);
-        let unseen = vec![rig.viewpoints.len(); mesh.triangles.len()];
-        // Every ninth quad is torn out of its neighbourhood.
-        let labels: Vec<usize> = (0..unseen.len())
-            .map(|face| if face / 2 % 9 == 0 { 0 } else { unseen[face] })
-            .collect();
         let neighbours = neighbours(&mesh);
-        let charts = charts(&mesh, &projections, &labels);
+        let charts = charts(&mesh, &projections, &labels, &Silent).unwrap();
         assert!(charts.as_chunks::<2>().0.iter().all(|[a, b]| a == b));
         let found = parts(&neighbours, &charts);
         let torn = labels.as_chunks::<2>().0.iter().filter(|halves| halves[0] == 0).count();
@@ -220,5 +238,28 @@ mod tests {
             // Texels on edges are of two faces.
             assert!(20 * (apart - area(part)) <= apart + 40, "{apart} {}", area(part));
         }
+    }
+
+    /// Lets so many questions pass before it says stop.
+    struct StopAfter(AtomicUsize);
+
+    impl Observer for StopAfter {
+        fn progress(&self, _: Progress) {}
+
+        fn is_cancelled(&self) -> bool {
+            let left = |left: usize| left.checked_sub(1);
+            self.0.fetch_update(Ordering::Relaxed, Ordering::Relaxed, left).is_err()
+        }
+    }
+
+    #[test]
+    fn joining_stops_between_parts() {
+        let (mesh, rig, labels) = torn_torus();
+        let with = |observer: &dyn Observer| charts(&mesh, &Projections(&rig), &labels, observer);
+        for questions in [0, 1, 5] {
+            assert_eq!(with(&StopAfter(questions.into())), Err(Cancelled), "{questions}");
+        }
+        // There are more parts than those, and an end.
+        assert_eq!(with(&StopAfter(100_000.into())), with(&Silent));
     }
 }

@@ -22,6 +22,7 @@ use image::RgbImage;
 use mesh::Mesh;
 use mesh::shading::ShadedMesh;
 use nalgebra::Vector3;
+use progress::{Cancelled, Observer};
 use rayon::prelude::*;
 use remesh::QuadMesh;
 
@@ -66,10 +67,17 @@ impl Textured {
 /// Outlines' ink stays out; lines inside of them are kept.
 ///
 /// * `quads`: the draft's surface.
-pub fn texture(draft: &Draft<'_>, quads: &QuadMesh) -> Option<Textured> {
+///
+/// # Errors
+/// [`Cancelled`] if `observer` says so.
+pub fn texture(
+    draft: &Draft<'_>,
+    quads: &QuadMesh,
+    observer: &dyn Observer,
+) -> Result<Option<Textured>, Cancelled> {
     let mesh = &quads.triangulated();
     if mesh.triangles.is_empty() {
-        return None;
+        return Ok(None);
     }
     let (rig, views) = (draft.rig(), draft.all_views());
     let buffers = DepthBuffer::of_views(mesh, &rig);
@@ -81,17 +89,23 @@ pub fn texture(draft: &Draft<'_>, quads: &QuadMesh) -> Option<Textured> {
     let report = &draft.solid.report;
     let mirror = report.mirror_plane.or(report.symmetric_about);
     let colours = |point: &_, normal: &_| blend::colour(&cameras, &rig, mirror, point, normal);
-    Some(textured(mesh, &rig, &best_views(mesh, &rig, &buffers), &colours))
+    textured(mesh, &rig, &best_views(mesh, &rig, &buffers), &colours, observer).map(Some)
 }
 
 /// * `mesh`: two triangles a quad.
 /// * `labels`: per triangle, the view it is laid out as seen from.
 /// * `colour`: of a point with a normal; `None` where it is not known.
-fn textured(mesh: &Mesh, rig: &Rig, labels: &[usize], colour: &blend::ColourOf<'_>) -> Textured {
+fn textured(
+    mesh: &Mesh,
+    rig: &Rig,
+    labels: &[usize],
+    colour: &blend::ColourOf<'_>,
+    observer: &dyn Observer,
+) -> Result<Textured, Cancelled> {
     let shaded = mesh::shading::shaded(mesh, mesh::shading::CREASE_ANGLE_DEG);
     let vertices = fill::vertex_colours(mesh, colour);
-    let atlas = Atlas::of(mesh, rig, labels);
-    let texture = bake::texture(mesh, &shaded, &atlas, &vertices, colour);
+    let atlas = Atlas::of(mesh, rig, labels, observer)?;
+    let texture = bake::texture(mesh, &shaded, &atlas, &vertices, colour, observer)?;
     let Unwrapped { mesh, coordinates, faces } = atlas.unwrapped(&shaded);
     let mut corners = vec![[0; 3]; faces.len()];
     for (triangle, face) in mesh.triangles.iter().zip(faces) {
@@ -99,7 +113,7 @@ fn textured(mesh: &Mesh, rig: &Rig, labels: &[usize], colour: &blend::ColourOf<'
     }
     let halves = corners.as_chunks::<2>().0.iter();
     let quads = halves.map(|&[[a, b, c], [_, _, d]]| [a, b, c, d]).collect();
-    Textured { mesh, coordinates, quads, texture }
+    Ok(Textured { mesh, coordinates, quads, texture })
 }
 
 #[cfg(test)]

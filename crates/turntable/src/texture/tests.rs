@@ -42,7 +42,8 @@ fn every_face_shows_the_colour_of_its_place() {
     // The lower half is not known: filled from the upper one's rim.
     let colour = |point: &Point3<f64>, _: &Vector3<f64>| (point.z > 0.0).then(|| linear(point));
     let labels = best_views(&mesh, &rig, &DepthBuffer::of_views(&mesh, &rig));
-    let found = textured(&mesh, &rig, &labels, &colour);
+    let textured = || textured(&mesh, &rig, &labels, &colour, &Silent).unwrap();
+    let found = textured();
     assert_eq!(found.mesh.triangles.len(), mesh.triangles.len());
     for triangle in 0..found.mesh.triangles.len() {
         let (point, texel) = (centre(&found, triangle), middle(&found, triangle));
@@ -60,7 +61,7 @@ fn every_face_shows_the_colour_of_its_place() {
         }
     }
     assert!(found.coordinates.iter().flatten().all(|share| (0.0..=1.0).contains(share)));
-    assert_eq!(textured(&mesh, &rig, &labels, &colour).texture, found.texture);
+    assert_eq!(textured().texture, found.texture);
 }
 
 /// A block, red in front and behind and blue at its sides, its outline black.
@@ -85,7 +86,7 @@ fn drawings_colour_the_sides_they_show_and_outlines_stay_out() {
     let sheet = Sheet::new(vec![view(0.0, red), view(90.0, blue), view(180.0, red)]).unwrap();
     let draft = crate::reconstruct(&sheet, &[], &TurntableOptions::default(), &Silent).unwrap();
     let quads = draft.quads(&SolidOptions::default(), &Silent).unwrap();
-    let found = texture(&draft, &quads).unwrap();
+    let found = texture(&draft, &quads, &Silent).unwrap().unwrap();
     assert_eq!(found.quads.len(), quads.quads.len());
     let mut seen = [0; 2];
     for triangle in 0..found.mesh.triangles.len() {
