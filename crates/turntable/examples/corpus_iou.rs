@@ -2,7 +2,8 @@
 //!
 //!     corpus_iou INDEX FOLDER [--sets T5,FQS] [--prior off,on,auto] [--size 480x270]
 //!                [--every N] [--limit N] [--names a,b] [--hull] [--cells 128] [--holes auto] [--boxy auto]
-//!                [--pictures FOLDER] [--meshes FOLDER] [--degrade light|middle|heavy] [--seed N]
+//!                [--pictures FOLDER] [--meshes FOLDER] [--degrade light|middle|heavy]
+//!                [--apart PERCENT] [--seed N]
 //!
 //! INDEX is a Markdown table whose first two columns are name and kind; FOLDER
 //! holds NAME.glb. Outlines are closed: each view comes with its true mask.
@@ -90,7 +91,13 @@ fn azimuths(set: &str) -> Vec<f64> {
     }
 }
 
-fn sheet_of(drawer: &Drawer<'_>, degrees: &[f64], degraded: bool) -> Fallible<Sheet> {
+fn sheet_of(
+    drawer: &Drawer<'_>,
+    degrees: &[f64],
+    degraded: bool,
+    apart: f64,
+    seed: u64,
+) -> Fallible<Sheet> {
     use rayon::prelude::*;
     let view = |&degrees: &f64| -> Result<View, String> {
         let azimuth = Azimuth::from_degrees(degrees).map_err(|e| e.to_string())?;
@@ -98,8 +105,71 @@ fn sheet_of(drawer: &Drawer<'_>, degrees: &[f64], degraded: bool) -> Fallible<Sh
         let mask = (!degraded).then_some(drawn.truth.mask);
         Ok(View::level(azimuth, drawn.image.to_luma8(), mask))
     };
-    let views: Vec<View> = degrees.par_iter().map(view).collect::<Result<_, _>>()?;
+    let mut views: Vec<View> = degrees.par_iter().map(view).collect::<Result<_, _>>()?;
+    if apart > 0.0 {
+        for (view, seed) in views.iter_mut().zip(seed * 1000..) {
+            *view = drawn_apart(view, apart, seed);
+        }
+    }
     Ok(Sheet::new(views)?)
+}
+
+/// A drawing and its mask as a hand would draw them apart from the other views:
+/// heights, widths and places off by up to `amount` of the subject's height.
+fn drawn_apart(view: &View, amount: f64, seed: u64) -> View {
+    use rand::{Rng, SeedableRng};
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
+    let (width, height) = view.image.dimensions();
+    let mut wave = || {
+        let waves: Vec<[f64; 3]> = (1..4)
+            .map(|n| {
+                [
+                    random.random_range(-1.0..1.0),
+                    f64::from(n) * std::f64::consts::PI,
+                    random.random_range(0.0..6.3),
+                ]
+            })
+            .collect();
+        move |at: f64| {
+            waves
+                .iter()
+                .map(|[size, pace, start]| size * (pace * at + start).sin() / 2.0)
+                .sum::<f64>()
+        }
+    };
+    let (up, lean, wide) = (wave(), wave(), wave());
+    let reach = amount * f64::from(height);
+    let source = |x: u32, y: u32| {
+        let at = f64::from(y) / f64::from(height);
+        let middle = f64::from(width) / 2.0;
+        let from_axis = (f64::from(x) - middle) * (1.0 + amount * wide(at));
+        (middle + from_axis + reach * lean(at), f64::from(y) + reach * up(at))
+    };
+    let warped = |picture: &image::GrayImage, outside: u8| {
+        image::GrayImage::from_fn(width, height, |x, y| {
+            let (u, v) = source(x, y);
+            let at = |dx: i64, dy: i64| {
+                let (px, py) = (u.floor() as i64 + dx, v.floor() as i64 + dy);
+                let inside =
+                    (0..i64::from(width)).contains(&px) && (0..i64::from(height)).contains(&py);
+                if inside {
+                    f64::from(picture.get_pixel(px as u32, py as u32).0[0])
+                } else {
+                    f64::from(outside)
+                }
+            };
+            let (a, b) = (u - u.floor(), v - v.floor());
+            let level = (1.0 - b) * ((1.0 - a) * at(0, 0) + a * at(1, 0))
+                + b * ((1.0 - a) * at(0, 1) + a * at(1, 1));
+            image::Luma([level.round() as u8])
+        })
+    };
+    let mask = view.mask.as_ref().map(|mask| {
+        let mut warped = warped(mask, 0);
+        warped.pixels_mut().for_each(|p| p.0[0] = if p.0[0] >= 128 { 255 } else { 0 });
+        warped
+    });
+    View { image: warped(&view.image, 255), mask, ..view.clone() }
 }
 
 fn switch(word: &str) -> Switch {
@@ -169,7 +239,12 @@ fn measure(entry: &Entry, folder: &Path, arguments: &Arguments, sums: &mut Sums)
     let comparison = ComparisonOptions { grid_cells: cells, samples: 2000, ..Default::default() };
     let truth = SolidTruth::new(&truth, comparison)?;
     for set in arguments.get("sets", "T5").split(',') {
-        let sheet = sheet_of(&drawer, &azimuths(set), arguments.named.contains_key("degrade"))?;
+        let (apart, seed) = (
+            arguments.get("apart", "0").parse::<f64>()? / 100.0,
+            arguments.get("seed", "1").parse()?,
+        );
+        let degraded = arguments.named.contains_key("degrade");
+        let sheet = sheet_of(&drawer, &azimuths(set), degraded, apart, seed)?;
         let mut line =
             format!("{:28} {} {set:7}", entry.name, if entry.figure { 'f' } else { 'o' });
         for (name, options) in variants(arguments) {

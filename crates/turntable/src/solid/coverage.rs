@@ -79,17 +79,20 @@ pub(super) fn restore(plane: &mut Plane, hull: &Plane, lattice: &Lattice, direct
 /// this slice and its neighbours: the surface swells instead of growing fins.
 ///
 /// `planes` take the windows of `hulls`, and stay within them.
+///
+/// * `edge`: so many uncovered lines of sight beside covered ones are left, nodes.
 pub(super) fn lift(
     planes: &mut [Plane],
     hulls: &[Plane],
     lattice: &Lattice,
     directions: &[Outline],
+    edge: usize,
 ) {
     use rayon::prelude::*;
     let missing: Vec<(Plane, Plane)> = planes
         .par_iter()
         .zip(hulls)
-        .map(|(plane, hull)| missing(plane, hull, lattice, directions))
+        .map(|(plane, hull)| missing(plane, hull, lattice, directions, edge))
         .collect();
     let (mut lifts, mut marks): (Vec<Plane>, Vec<Plane>) = missing.into_iter().unzip();
     for _ in 0..SPREAD {
@@ -116,6 +119,7 @@ fn missing(
     hull: &Plane,
     lattice: &Lattice,
     directions: &[Outline],
+    edge: usize,
 ) -> (Plane, Plane) {
     let sights = Sights::new(hull, lattice);
     let depth = DEPTH * lattice.pitch_px as f32;
@@ -127,14 +131,38 @@ fn missing(
     };
     let (mut lacks, mut marks) = (nothing.clone(), nothing);
     for view in directions {
-        for (value, index) in sights.deepest(&plane.values, view) {
-            if let Some(index) = index.filter(|_| value < depth) {
+        let deepest = sights.deepest(&plane.values, view);
+        for run in uncovered(&deepest, depth, edge) {
+            for (value, index) in &deepest[run] {
+                let Some(index) = *index else { continue };
                 lacks.values[index] = lacks.values[index].max(depth - value);
                 marks.values[index] = 1.0;
             }
         }
     }
     (lacks, marks)
+}
+
+/// Runs of lines of sight that are less than `depth` inside, but for those of at
+/// most `edge` beside others that are covered.
+fn uncovered(
+    deepest: &[(f32, Option<usize>)],
+    depth: f32,
+    edge: usize,
+) -> impl Iterator<Item = std::ops::Range<usize>> {
+    let lacks = move |(value, index): &(f32, Option<usize>)| index.is_some() && *value < depth;
+    let meets =
+        |at: Option<usize>| at.and_then(|at| deepest.get(at)).is_some_and(|s| s.1.is_some());
+    let mut end = 0;
+    let runs = deepest.chunk_by(move |a, b| lacks(a) == lacks(b)).map(move |run| {
+        end += run.len();
+        (end - run.len()..end, run.first().is_some_and(lacks))
+    });
+    runs.filter(move |(run, lacks)| {
+        let beside = meets(run.start.checked_sub(1)) || meets(Some(run.end));
+        *lacks && !(run.len() <= edge && beside)
+    })
+    .map(|(run, _)| run)
 }
 
 #[cfg(test)]
@@ -181,11 +209,26 @@ mod tests {
     }
 
     #[test]
+    fn narrow_edges_beside_what_is_covered_may_be_left() {
+        let sight = |value: f32| (value, Some(0));
+        let line = [(-1.0, None), sight(-1.0), sight(2.0), sight(-1.0), sight(-1.0), sight(-1.0)];
+        let runs = |line: &[(f32, Option<usize>)], edge: usize| {
+            let runs = uncovered(line, 0.3, edge);
+            runs.map(|run| (run.start, run.end)).collect::<Vec<_>>()
+        };
+        assert_eq!(runs(&line, 0), [(1, 2), (3, 6)]);
+        assert_eq!(runs(&line, 2), [(3, 6)]);
+        assert!(runs(&line, 3).is_empty());
+        // What stands alone is no edge.
+        assert_eq!(runs(&[(-1.0, None), sight(-1.0), (-1.0, None)], 2), [(1, 2)]);
+    }
+
+    #[test]
     fn what_is_lifted_is_smooth_and_within_the_hull() {
         let hulls = vec![plane(|x, y| 8.0 - x.abs().max(y.abs())); SIZE];
         let mut planes = vec![plane(|x, y| 6.0 - x.hypot(y)); SIZE];
         let before = planes.clone();
-        lift(&mut planes, &hulls, &lattice(), &views());
+        lift(&mut planes, &hulls, &lattice(), &views(), 0);
         let step = |planes: &[Plane], k: usize| {
             let rows = planes[k].values.chunks_exact(SIZE);
             let steps = rows.flat_map(|row| row.windows(2).map(|pair| (pair[0] - pair[1]).abs()));

@@ -79,7 +79,9 @@ const PITCHES_PER_LOGIT: f32 = 0.7;
 ///
 /// Signed distances of `field` become logits of at most [`MARGIN`] and are added
 /// to the prior's, of more where depth maps had their say (`has_depth`) and where
-/// lines show the corners of a slice; nothing lies beyond `hulls`.
+/// lines show the corners of a slice; nothing lies beyond `hulls`. The less the
+/// drawings agree (`apart`, 0 to 1), the less the solid says: its slices are of
+/// rows that show different heights of the subject.
 ///
 /// * `hulls`: the sections of the slices.
 /// * `drawn`: per slice, the share of its corners that are drawn as lines.
@@ -90,12 +92,13 @@ pub(super) fn blend(
     logits: &LogitField,
     has_depth: bool,
     drawn: &[f32],
+    apart: f32,
 ) -> Field {
     use rayon::prelude::*;
     let lattice = field.lattice;
     let limit = lattice.truncation_px() as f32;
     let pitch = lattice.pitch_px as f32;
-    let margin = if has_depth { MARGIN * DEPTH_GAIN } else { MARGIN };
+    let margin = if has_depth { MARGIN * DEPTH_GAIN } else { MARGIN } * (1.0 - apart);
     let blended = |(k, (plane, hull)): (usize, (&Plane, &Plane))| {
         let mut out = Plane { creases: plane.creases.clone(), ..hull.clone() };
         let z = lattice.z(k);
@@ -116,6 +119,6 @@ pub(super) fn blend(
     };
     let planes: Vec<Plane> = field.planes.par_iter().zip(hulls).enumerate().map(blended).collect();
     let mut field = Field { lattice, planes };
-    smoothing::smooth(&mut field, hulls, directions);
+    smoothing::smooth(&mut field, hulls, directions, apart);
     field
 }

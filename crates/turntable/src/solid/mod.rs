@@ -1,6 +1,7 @@
 //! The solid from few views: the visual hull slice by slice, rounded where no
 //! line says that it is sharp.
 
+mod agreement;
 mod boxiness;
 mod branches;
 mod carving;
@@ -241,6 +242,10 @@ fn full_mesh(
     }
     let mut slices = slices_of(sheet, &directions, &lattice);
     report.slices = slices.len();
+    report.agreement = agreement::of_slices(&slices, &directions);
+    // Flat walls are known from their outlines, wherever those are.
+    let apart = if is_boxy(options, report) { 0.0 } else { agreement::apart(report.agreement) };
+    let apart = apart as f32;
     if options.drop_ghosts && options.kind == SolidKind::Creased {
         report.ghosts = phantoms::drop_ghosts(&mut slices, &directions, &sheet.ink_evidence());
     }
@@ -269,14 +274,15 @@ fn full_mesh(
         Some(bounds) => surface_of(&bounds.applied(field), options),
     };
     let without = || match options.kind {
-        SolidKind::Creased => surface(&smoothing::smoothed(&field, &hulls, &directions)),
+        SolidKind::Creased => surface(&smoothing::smoothed(&field, &hulls, &directions, apart)),
         _ => surface(&field),
     };
     let asks = options.prior != Switch::Off && options.kind == SolidKind::Creased;
     let (mesh, full_faces) = if asks {
         let has_depth = report.carving_views > 0;
         let logits = learned::logits(sheet, input.views, observer)?;
-        let blended = learned::blend(&field, &hulls, &directions, &logits, has_depth, &drawn);
+        let blended =
+            learned::blend(&field, &hulls, &directions, &logits, has_depth, &drawn, apart);
         let with = surface(&blended);
         if options.prior == Switch::On {
             report.prior = Some(PriorReport { used: true, without: None, with: None });
@@ -432,10 +438,7 @@ fn outlines_of(
     let sharp: Vec<Vec<Vec<bool>>> = if options.kind == SolidKind::Creased && options.creases {
         let window_px = CREASE_WINDOW * slices.len() as f64 * lattice.pitch_px;
         let evidence = sheet.ink_evidence();
-        let boxy = match options.boxy {
-            Switch::Auto => report.straight_share >= BOXY,
-            switch => switch == Switch::On,
-        };
+        let boxy = is_boxy(options, report);
         crease::sharp_corners(slices, &evidence, lattice.pitch_px, window_px, boxy)
     } else {
         let all = options.kind != SolidKind::Creased;
@@ -467,6 +470,14 @@ fn outlines_of(
         sum(0) / sum(1).max(1.0)
     };
     (outlines, (0..counts.len()).map(share).collect())
+}
+
+/// Whether the subject is made of flat walls, by its outlines or because it is said.
+fn is_boxy(options: &SolidOptions, report: &SolidReport) -> bool {
+    match options.boxy {
+        Switch::Auto => report.straight_share >= BOXY,
+        switch => switch == Switch::On,
+    }
 }
 
 fn field_of(lattice: Lattice, outlines: Vec<SliceOutlines>) -> Field {

@@ -45,6 +45,9 @@ pub struct SolidReport {
     pub slices: usize,
     /// From slice to slice.
     pub pitch_px: f64,
+    /// How much of the views' outlines all views together leave, share: less
+    /// than 1 where drawings of one subject disagree.
+    pub agreement: f64,
     /// Parts that no outline needs and no line shows.
     pub ghosts: usize,
     /// Parts that were cut to the lines that bound them.

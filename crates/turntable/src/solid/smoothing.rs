@@ -6,7 +6,14 @@ use super::tunnels;
 use crate::surface::field::{Field, Lattice, Plane};
 
 /// `field` within `hulls`, the sections of its slices, averaged.
-pub(super) fn smoothed(field: &Field, hulls: &[Plane], directions: &[Outline]) -> Field {
+///
+/// * `apart`: how far drawings are from agreeing, 0 to 1.
+pub(super) fn smoothed(
+    field: &Field,
+    hulls: &[Plane],
+    directions: &[Outline],
+    apart: f32,
+) -> Field {
     use rayon::prelude::*;
     let lattice = field.lattice;
     let limit = lattice.truncation_px() as f32;
@@ -20,29 +27,38 @@ pub(super) fn smoothed(field: &Field, hulls: &[Plane], directions: &[Outline]) -
     };
     let planes = field.planes.par_iter().zip(hulls).map(within).collect();
     let mut field = Field { lattice, planes };
-    smooth(&mut field, hulls, directions);
+    smooth(&mut field, hulls, directions, apart);
     field
 }
 
 /// How often the field is averaged, and what silhouettes need is then lifted.
 const ROUNDS: usize = 2;
 const LIFTS: usize = 3;
+/// How much of the outlines' edges need not be covered where drawings disagree, nodes: no
+/// smooth body reaches into all corners that they leave.
+const LOOSE_EDGE: f32 = 2.0;
 
 /// Averages the field over neighbours within and across slices, but beside
 /// creases, and fills narrow tunnels; silhouettes keep something behind them.
 ///
 /// The planes of `field` take the windows of `hulls`.
-pub(super) fn smooth(field: &mut Field, hulls: &[Plane], directions: &[Outline]) {
+///
+/// * `apart`: how far drawings are from agreeing, 0 to 1.
+pub(super) fn smooth(field: &mut Field, hulls: &[Plane], directions: &[Outline], apart: f32) {
     use rayon::prelude::*;
     let lattice = field.lattice;
+    let edge = (LOOSE_EDGE * apart).round() as usize;
     for _ in 0..ROUNDS {
-        coverage::lift(&mut field.planes, hulls, &lattice, directions);
+        coverage::lift(&mut field.planes, hulls, &lattice, directions, edge);
         field.planes = averaged(&field.planes, &lattice);
     }
     for _ in 0..LIFTS {
-        coverage::lift(&mut field.planes, hulls, &lattice, directions);
+        coverage::lift(&mut field.planes, hulls, &lattice, directions, edge);
     }
     tunnels::fill(field, hulls);
+    if edge > 0 {
+        return;
+    }
     field.planes.par_iter_mut().zip(hulls).for_each(|(plane, hull)| {
         coverage::restore(plane, hull, &lattice, directions);
     });
