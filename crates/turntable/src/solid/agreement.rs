@@ -74,8 +74,8 @@ mod tests {
     #[test]
     fn views_of_one_disc_agree_and_views_of_two_do_not() {
         assert!(agreement(0.0) > 0.999);
-        assert!(agreement(9.0) < DISAGREE);
+        assert!(agreement(30.0) < DISAGREE);
         assert!(apart(agreement(0.0)) < 1e-9);
-        assert!((apart(agreement(9.0)) - 1.0).abs() < 1e-9);
+        assert!((apart(agreement(30.0)) - 1.0).abs() < 1e-9);
     }
 }
