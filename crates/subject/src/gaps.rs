@@ -5,8 +5,10 @@
 //! only where it shuts in an area that is wide for it, so that slits, which lie
 //! between strokes' sides, stay open, and creases that end inside change nothing.
 
+use std::collections::HashSet;
+
 use crate::raster::{Bits, filled, grown};
-use crate::strokes::{End, Skeleton};
+use crate::strokes::{self, End};
 
 /// A drawing with more ends is not one of lines.
 const MAX_ENDS: usize = 6000;
@@ -29,6 +31,10 @@ const DEPTH_OTHER: f64 = 0.55;
 /// have lost their tips are narrow.
 const DEPTH_LARGE: f64 = 0.15;
 const LARGE: f64 = 0.25;
+
+/// What hangs together with an end within so many stroke widths, and px, is its own stroke.
+const OWN: f64 = 2.0;
+const LEAST_OWN_PX: f64 = 6.0;
 
 /// A curve that joins two ends, or an end and a stroke's side.
 #[derive(Clone, Debug)]
@@ -68,7 +74,7 @@ pub(crate) fn close(
     if max_gap_px < 1.0 {
         return unchanged(open);
     }
-    let ends = Skeleton::of(lines).ends(stroke_px);
+    let ends = strokes::ends(lines, stroke_px);
     let margin = stroke_px + 1.0;
     let (w, h) = (barrier.width as f64, barrier.height as f64);
     let ends: Vec<End> = ends
@@ -303,9 +309,29 @@ fn pixels(points: impl Iterator<Item = (f64, f64)>, barrier: &Bits) -> Vec<usize
     pixels
 }
 
+/// The ink about an end that hangs together with it: a skeleton ends before its stroke does.
+fn own_ink(end: &End, barrier: &Bits, stroke_px: f64) -> HashSet<(i64, i64)> {
+    let reach = (OWN * stroke_px).max(LEAST_OWN_PX);
+    let (x, y) = (end.x as i64, end.y as i64);
+    let around = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (dx, dy)));
+    let mut own = HashSet::new();
+    let mut open: Vec<(i64, i64)> = vec![(x, y)];
+    while let Some((x, y)) = open.pop() {
+        for (dx, dy) in around.clone() {
+            let (x, y) = (x + dx, y + dy);
+            let near = end.to(x as f64 + 0.5, y as f64 + 0.5) <= reach;
+            if near && barrier.at(x, y) && own.insert((x, y)) {
+                open.push((x, y));
+            }
+        }
+    }
+    own
+}
+
 /// The straight way from an end to the first stroke in a fan before it.
 fn to_side(end: &End, barrier: &Bits, stroke_px: f64, max_gap_px: f64) -> Option<Bridge> {
     let heading = end.heading.1.atan2(end.heading.0);
+    let own = own_ink(end, barrier, stroke_px);
     let mut best: Option<(f64, f64, f64)> = None;
     for step in -10..=10 {
         let turn_deg = f64::from(step) * FAN_DEG / 10.0;
@@ -317,7 +343,8 @@ fn to_side(end: &End, barrier: &Bits, stroke_px: f64, max_gap_px: f64) -> Option
             if x < 0.0 || y < 0.0 {
                 break;
             }
-            let inked = barrier.at(x as i64, y as i64);
+            let place = (x as i64, y as i64);
+            let inked = barrier.at(place.0, place.1) && !own.contains(&place);
             left |= !inked;
             if inked && (left || along > 2.0 * stroke_px + 2.0) {
                 let cost = along * (1.0 + TURN_COST * turn_deg.abs());

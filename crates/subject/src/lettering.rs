@@ -29,6 +29,9 @@ const SHORTEST: f64 = 0.008;
 /// The next letter is within so many letter heights.
 const PITCH: f64 = 1.6;
 
+/// No letter but an I or a 1 is so many times as long as wide.
+const LONG: f64 = 3.0;
+
 /// Lettering in a raster of ink.
 pub(crate) struct Lettering {
     /// The pixels of all letters.
@@ -124,11 +127,13 @@ fn found(ink: &Bits, stroke_px: f64, limits: &Limits) -> Lettering {
     Lettering { pixels: parts.select(ink.width, |k| letter[k]), lines }
 }
 
-/// Whether a part is one straight stroke, as dashes of an outline are.
+/// Whether a part is one straight stroke, as dashes of an outline are; those along
+/// a row may bend.
 fn is_dash(part: &Component, stroke_px: f64) -> bool {
     let (w, h) = (f64::from(part.bounds.width()), f64::from(part.bounds.height()));
     let length = w.hypot(h);
-    (part.area as f64) < 1.45 * length * stroke_px && w.max(h) > 1.5 * stroke_px
+    let long = w.max(h) > LONG * w.min(h);
+    w.max(h) > 1.5 * stroke_px && (long || (part.area as f64) < 1.45 * length * stroke_px)
 }
 
 /// Whether anything else is drawn closer to a word than `reach_px`.

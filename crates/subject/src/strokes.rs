@@ -15,6 +15,9 @@ const BRANCH: f64 = 3.0;
 const LEAST_BRANCH_PX: f64 = 6.0;
 /// Nor is a fork looked for farther from the tip, stroke widths.
 const FARTHEST_FORK: f64 = 12.0;
+/// A stroke is lost where no skeleton is within so many widths, and px.
+const LOST: f64 = 2.0;
+const LEAST_LOST_PX: f64 = 4.0;
 /// The most that each of them leaves the way on from the tip, degrees: a stroke that ends on
 /// another has it leave at 90 to both sides.
 const WEDGE_DEG: f64 = 50.0;
@@ -73,19 +76,38 @@ pub(crate) fn typical_width(ink: &Bits) -> f64 {
     f64::from(*widths.select_nth_unstable_by(middle, f32::total_cmp).1).max(1.0)
 }
 
+/// The ends of strokes about `width_px` wide.
+///
+/// Zhang and Suen's skeletons lose strokes at about 45 degrees whole. Guo and Hall's keep them,
+/// but give small crooked strokes so many ends that gaps are closed wrongly: theirs count only
+/// where the first have nothing.
+pub(crate) fn ends(ink: &Bits, width_px: f64) -> Vec<End> {
+    let own = Skeleton::thinned(ink, Thinning::ZhangSuen);
+    let mut ends = own.ends(width_px);
+    let kept = own.bits.dilated((LOST * width_px).max(LEAST_LOST_PX) as f32);
+    let all = Skeleton::thinned(ink, Thinning::GuoHall);
+    let lost = all.points.iter().filter(|&&i| !kept.data[i]);
+    ends.extend(lost.filter_map(|&i| all.end_at(i, width_px)));
+    ends
+}
+
+/// Which pixels a round of thinning may peel.
+#[derive(Clone, Copy, PartialEq)]
+enum Thinning {
+    /// Zhang & Suen 1984, A fast parallel algorithm for thinning digital patterns.
+    ZhangSuen,
+    /// Guo & Hall 1989, Parallel thinning with two-subiteration algorithms.
+    GuoHall,
+}
+
 /// The skeleton of thin parts of a raster of ink.
-pub(crate) struct Skeleton {
+struct Skeleton {
     bits: Bits,
     points: Vec<usize>,
 }
 
 impl Skeleton {
-    /// Strokes at 45 degrees may be lost. Those of Guo & Hall 1989 are not, but small crooked
-    /// strokes then have so many ends that more gaps are closed wrongly.
-    ///
-    /// # Source
-    /// Zhang & Suen 1984, A fast parallel algorithm for thinning digital patterns.
-    pub(crate) fn of(ink: &Bits) -> Self {
+    fn thinned(ink: &Bits, thinning: Thinning) -> Self {
         // A bare border makes every pixel's neighbours exist.
         let (w, h) = (ink.width + 2, ink.height + 2);
         let mut bits = Bits::filled(w, h, false);
@@ -100,8 +122,11 @@ impl Skeleton {
             let mut peeled_any = false;
             for second in [false, true] {
                 edge.retain(|&i| skeleton.bits.data[i]);
-                let peel: Vec<usize> =
-                    edge.iter().copied().filter(|&i| skeleton.is_peeled(i, second)).collect();
+                let peel: Vec<usize> = edge
+                    .iter()
+                    .copied()
+                    .filter(|&i| skeleton.is_peeled(i, second, thinning))
+                    .collect();
                 peeled_any |= !peel.is_empty();
                 peel.iter().for_each(|&i| skeleton.bits.data[i] = false);
             }
@@ -125,15 +150,35 @@ impl Skeleton {
         (around.iter().filter(|is| **is).count(), groups, around)
     }
 
-    fn is_peeled(&self, i: usize, second: bool) -> bool {
+    fn is_peeled(&self, i: usize, second: bool, thinning: Thinning) -> bool {
+        if thinning == Thinning::GuoHall {
+            return self.is_peeled_by_guo_hall(i, second);
+        }
         let (count, groups, [up, _, right, _, down, _, left, _]) = self.neighbours(i);
         let held =
             if second { up && left && (right || down) } else { right && down && (up || left) };
         (2..=6).contains(&count) && groups == 1 && !held
     }
 
+    fn is_peeled_by_guo_hall(&self, i: usize, second: bool) -> bool {
+        let around = self.around(i).map(|other| self.bits.data[other]);
+        let at = |k: usize| around[k % 8];
+        // Pairs of a side and a corner beside it: groups, and neighbours counted two ways.
+        let sides = [0, 2, 4, 6];
+        let groups = sides.iter().filter(|&&k| !at(k) && (at(k + 1) || at(k + 2))).count();
+        let before = sides.iter().filter(|&&k| at(k + 7) || at(k)).count();
+        let after = sides.iter().filter(|&&k| at(k) || at(k + 1)).count();
+        let [up, up_right, right, down_right, down, down_left, left, up_left] = around;
+        let held = if second {
+            (up || up_right || !down_right) && right
+        } else {
+            (down || down_left || !up_left) && left
+        };
+        groups == 1 && (2..=3).contains(&before.min(after)) && !held
+    }
+
     /// The ends of strokes about `width_px` wide.
-    pub(crate) fn ends(&self, width_px: f64) -> Vec<End> {
+    fn ends(&self, width_px: f64) -> Vec<End> {
         self.points.iter().filter_map(|&i| self.end_at(i, width_px)).collect()
     }
 
@@ -293,7 +338,7 @@ mod tests {
         for x in 10..60 {
             (18..21).for_each(|y| ink.set(x, y, true));
         }
-        let ends = Skeleton::of(&ink).ends(3.0);
+        let ends = super::ends(&ink, 3.0);
         assert_eq!(ends.len(), 2);
         assert!(ends.iter().any(|end| end.x < 13.0 && end.heading.0 < -0.9));
         assert!((typical_width(&ink) - 3.0).abs() < 0.6, "{}", typical_width(&ink));
@@ -337,7 +382,7 @@ mod tests {
     }
 
     fn ends_at(ink: &Bits, [x, y]: [f64; 2], within: f64) -> usize {
-        let ends = Skeleton::of(ink).ends(typical_width(ink));
+        let ends = super::ends(ink, typical_width(ink));
         ends.iter().filter(|end| end.to(x, y) <= within).count()
     }
 
@@ -381,7 +426,7 @@ mod tests {
 
     #[test]
     fn a_bare_raster_has_none() {
-        assert!(Skeleton::of(&Bits::filled(0, 0, false)).ends(1.0).is_empty());
+        assert!(super::ends(&Bits::filled(0, 0, false), 1.0).is_empty());
         assert_eq!(typical_width(&Bits::filled(4, 4, false)), 1.0);
     }
 }
