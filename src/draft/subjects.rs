@@ -193,7 +193,7 @@ pub(super) fn prepare(
         format!("{}{done}", suggestion.text)
     }));
     let enlarges = !subjects.iter().all(is_clean) && enlarge(&mut alignment);
-    let moved = enlarges || needs_canvas(&alignment);
+    let moved = enlarges || !are_of_one_size(&views) || needs_canvas(&alignment);
     let size = (alignment.canvas.width, alignment.canvas.height);
     let mut places = elevated::places(&mut alignment, (&views, &subjects), &elevated);
     let drawn = views.iter().chain(elevated.iter().map(|(view, _)| view));
@@ -360,6 +360,11 @@ fn aligned(views: &[DecodedView<'_>], subjects: &[Subject]) -> Alignment {
     let hands: Vec<ByHand> = views.iter().map(DecodedView::by_hand).collect();
     place_by_hand(&mut alignment, &pairs, &hands);
     alignment
+}
+
+/// Whether the drawings have the same columns and rows, without which they have no place in common.
+fn are_of_one_size(views: &[DecodedView<'_>]) -> bool {
+    views.windows(2).all(|pair| pair[0].drawing.dimensions() == pair[1].drawing.dimensions())
 }
 
 /// Whether views differ by more than the method's own registration mends.

@@ -374,6 +374,21 @@ fn views_in_frames_of_their_own_are_laid_on_one_canvas() {
     }
 }
 
+#[test]
+fn views_of_almost_one_size_are_laid_on_one_canvas() {
+    let (document, mut files) = boxes(&[0.0, 45.0, 90.0]);
+    // Cut by hand: too little off to be moved for, and no longer of one size.
+    let whole = drawing(45.0);
+    let cut = image::imageops::crop_imm(&whole, 1, 0, SIDE - 2, SIDE - 1);
+    files.insert("45.png".to_owned(), png(&cut.to_image()));
+    let (_, artifacts) = run(&document, &files, 2, &Silent).unwrap();
+    let metrics = metrics(&artifacts);
+    assert_eq!(metrics["sheet"]["alignment"]["views"].as_array().unwrap().len(), 3);
+    for fit in metrics["fit"].as_array().unwrap() {
+        assert!(fit["silhouette_iou"].as_f64().unwrap() > 0.95, "{fit}");
+    }
+}
+
 /// The outline of a rectangle with paper around it.
 fn rectangle(width: u32, height: u32, margin: u32) -> GrayImage {
     let within =
