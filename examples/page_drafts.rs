@@ -71,13 +71,17 @@ fn measured(folder: &Path) -> Result<[Option<f64>; 3], Box<dyn Error>> {
     let cut: Vec<RgbaImage> =
         (0..proposal.figures.len()).map(|k| cut_out(&page, &proposal, k)).collect();
     let with = |azimuths: Vec<f64>| azimuths.into_iter().zip(cut.clone()).collect::<Drawings>();
-    let guessed = with(proposal.figures.iter().map(|f| f.azimuth.degrees()).collect());
+    let guessed: Vec<f64> = proposal.figures.iter().map(|f| f.azimuth.degrees()).collect();
     let right = (cut.len() == azimuths.len()).then(|| with(azimuths.clone()));
     let found = match right {
         Some(right) => Some(iou(&right, &model)?.unwrap_or(0.0)),
         None => None,
     };
-    Ok([iou(&apart, &model)?, found, iou(&guessed, &model)?])
+    let guessed = match found {
+        Some(found) if guessed == azimuths => Some(found),
+        _ => iou(&with(guessed), &model)?,
+    };
+    Ok([iou(&apart, &model)?, found, guessed])
 }
 
 /// `None` where no draft is made of the drawings.

@@ -7,7 +7,13 @@
 //! middles and widths are normal with a covariance that each order of views
 //! states: the order under which they are likeliest fits best. What stays open,
 //! which of two ends is the front and which way the sides face, is told by
-//! faces and feet.
+//! faces and feet, and by what is drawn inside moving from view to view.
+//!
+//! None of these is as independent as a sum of their logarithms takes them to
+//! be: rows are alike, views of one subject err alike. So each has a weight
+//! under which the shares of the orders were likeliest on pages of other
+//! subjects whose azimuths are known, beside the layouts' own shares. That
+//! makes an order's share what it says: how often it is right.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -22,16 +28,17 @@ const WIDTH: f64 = 0.3;
 const WIDTH_TURN: f64 = 0.08;
 const WIDTH_SKEW: f64 = 0.02;
 const WIDTH_NOISE: f64 = 0.03;
-/// Rows are so alike that all count as so many.
-const ROWS: f64 = 4.0;
+/// Rows are so alike, and so unlike what is assumed of them, that all count as half of one.
+const ROWS: f64 = 0.5;
 /// Weights of what faces and feet tell.
-const FACE: f64 = 2.0;
-const FACING: f64 = 1.5;
-const FEET: f64 = 1.2;
-/// Weight of what is drawn inside being where the turn brings it, and the farthest turn over
-/// which it is followed, degrees.
-const FOLLOWED: f64 = 20.0;
-const FARTHEST_TURN_DEG: f64 = 61.0;
+const FACE: f64 = 0.3;
+const FACING: f64 = 0.3;
+const FEET: f64 = 0.12;
+/// Weights of what is drawn inside being where the turn brings it, by the farthest turn for which
+/// each holds, degrees: less is seen of both views over more.
+const FOLLOWED: [(f64, f64); 2] = [(61.0, 8.0), (100.0, 4.0)];
+/// The weights are for so many views at most; more say no more, for they repeat each other.
+const MOST_VIEWS: f64 = 8.0;
 
 /// The best order, how likely each azimuth of it is and all together.
 #[derive(Clone, Debug, PartialEq)]
@@ -44,7 +51,8 @@ pub(crate) struct Guess {
 /// Chooses among `layouts`, of which each has an azimuth for each shape; `None`
 /// if there are none.
 pub(crate) fn guess(shapes: &[Shape], layouts: &[Layout]) -> Option<Guess> {
-    let score = |layout: &Layout| layout.prior + likelihood(shapes, &layout.azimuths);
+    let weight = (MOST_VIEWS / shapes.len().max(1) as f64).min(1.0);
+    let score = |layout: &Layout| layout.prior + weight * likelihood(shapes, &layout.azimuths);
     let scores: Vec<f64> = layouts.iter().map(score).collect();
     let best =
         (0..layouts.len()).max_by(|&a, &b| scores[a].total_cmp(&scores[b]).then(b.cmp(&a)))?;
@@ -79,11 +87,11 @@ fn likelihood(shapes: &[Shape], azimuths: &[f64]) -> f64 {
     normal(&middles, MIDDLE_NOISE, shapes.len(), &middle)
         + normal(&widths, WIDTH_NOISE, shapes.len(), &width)
         + faces(shapes, &angles)
-        + FOLLOWED * turns(shapes, azimuths)
+        + turns(shapes, azimuths)
 }
 
-/// How much what is drawn in views moves against the turn in views beside them, summed over pairs;
-/// 0 or less.
+/// How much what is drawn in views moves with the turn in views near them, less how much against
+/// it, weighted and summed over pairs.
 ///
 /// Silhouettes are the same for a subject whose depth is mirrored and that turns the other way;
 /// what is drawn inside lies in front and moves with it.
@@ -92,9 +100,8 @@ fn turns(shapes: &[Shape], azimuths: &[f64]) -> f64 {
     for (j, from) in azimuths.iter().enumerate() {
         for (k, to) in azimuths.iter().enumerate().skip(j + 1) {
             let turn_deg = (to - from + 180.0).rem_euclid(360.0) - 180.0;
-            if turn_deg.abs() <= FARTHEST_TURN_DEG {
-                // What agrees is no gain: views farther apart can't be followed at all.
-                sum += 2.0 * shapes[j].relief.turned(&shapes[k].relief, turn_deg).min(0.0);
+            if let Some((_, weight)) = FOLLOWED.iter().find(|(most, _)| turn_deg.abs() <= *most) {
+                sum += weight * shapes[j].relief.turned(&shapes[k].relief, turn_deg);
             }
         }
     }

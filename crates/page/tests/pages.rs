@@ -92,6 +92,24 @@ fn the_side_faces_the_way_it_is_drawn() {
 }
 
 #[test]
+fn what_cannot_be_told_is_said_with_doubt() {
+    // Nothing tells which way a plain slab's side faces.
+    let mut page = paper(500, 320);
+    block(&mut page, 80, 60, 110, 200, INK);
+    block(&mut page, 320, 60, 40, 200, INK);
+    let plain = proposed(&page);
+    assert!([90.0, 270.0].contains(&degrees(&plain)[1]), "{:?}", degrees(&plain));
+    assert!(plain.figures[1].confidence < 0.6, "{}", plain.figures[1].confidence);
+    assert!(plain.confidence <= plain.figures[1].confidence + 1e-9);
+    // A nose and toes tell a side, though not for certain.
+    let mut page = paper(500, 320);
+    figure(&mut page, 80, 60, 0, true);
+    figure(&mut page, 300, 60, 1, true);
+    let told = proposed(&page).figures[1].confidence;
+    assert!((0.4..0.9).contains(&told), "{told}");
+}
+
+#[test]
 fn a_cut_out_holds_one_view_only() {
     let page = sheet();
     let proposal = proposed(&page);

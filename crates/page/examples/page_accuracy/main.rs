@@ -14,12 +14,14 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use compose::{Page, compose};
-use page::{PageOptions, PageProposal, preview, propose};
+use compose::{Page, Placed, compose};
+use image::{GrayImage, RgbaImage};
+use page::{PageOptions, PageProposal, cut_out, preview, propose, with_margin};
 use progress::Silent;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
+use subject::{Hints, SubjectOptions};
 
 /// What was right about one page.
 #[derive(Default)]
@@ -30,14 +32,16 @@ struct Outcome {
     missed: usize,
     false_ones: usize,
     ious: Vec<f64>,
+    /// IoU of the silhouette found in each cut-out with the one found in the drawing alone.
+    silhouettes: Vec<f64>,
     tellable: usize,
     right: usize,
     all_views: usize,
     all_right: usize,
     traits: Vec<&'static str>,
     subject: String,
-    /// Sum of the confidences of right and of wrong azimuths, with counts.
-    confidence: [(f64, usize); 2],
+    /// The stated confidence of each azimuth that can be told, and whether it is right.
+    stated: Vec<(f64, bool)>,
     note: String,
 }
 
@@ -77,7 +81,7 @@ fn main() {
             let page = compose(subject, &subjects, &mut random);
             let rgba = image::DynamicImage::ImageRgb8(page.picture.clone()).into_rgba8();
             let proposal = propose(&rgba, &PageOptions::default(), &Silent);
-            let outcome = judged(&page, proposal.as_ref().ok(), &subject.name);
+            let outcome = judged(&page, &rgba, proposal.as_ref().ok(), &subject.name);
             if let Some(folder) = &saved {
                 save(&folder.join(format!("{index:03}_{}", subject.name)), &page, subject)
                     .expect("a writable folder");
@@ -153,7 +157,46 @@ fn iou(a: [u32; 4], b: [u32; 4]) -> f64 {
     both / (area(a) + area(b) - both).max(1.0)
 }
 
-fn judged(page: &Page, proposal: Option<&PageProposal>, subject: &str) -> Outcome {
+/// The silhouette in a drawing, that a reconstruction would find; none where it refuses.
+fn silhouette(drawing: &RgbaImage) -> GrayImage {
+    let found = subject::find(drawing, &Hints::default(), &SubjectOptions::default(), &|| false);
+    found.map_or_else(|_| GrayImage::new(drawing.width(), drawing.height()), |found| found.mask)
+}
+
+/// IoU of what is found in a view's cut-out and in its drawing alone, each in its place.
+fn silhouette_iou(page: &RgbaImage, proposal: &PageProposal, k: usize, view: &Placed) -> f64 {
+    let cut = silhouette(&cut_out(page, proposal, k));
+    let around = with_margin(&proposal.figures[k].place, page.dimensions());
+    let alone = silhouette(&image::DynamicImage::ImageRgb8(view.alone.clone()).into_rgba8());
+    let margin = (alone.height() - (view.bounds[3] - view.bounds[1])) / 2;
+    let at = |mask: &GrayImage, x: i64, y: i64| {
+        let place = u32::try_from(x).ok().zip(u32::try_from(y).ok());
+        let pixel = place.and_then(|(x, y)| mask.get_pixel_checked(x, y));
+        pixel.is_some_and(|pixel| pixel.0[0] > 0)
+    };
+    let (mut both, mut either) = (0_u32, 0_u32);
+    // Both lie within the cut-out and the drawing about the view.
+    let rows = view.bounds[1].min(around.top)..view.bounds[3].max(around.bottom);
+    let columns = view.bounds[0].min(around.left)..view.bounds[2].max(around.right);
+    for y in rows.map(i64::from) {
+        for x in columns.clone().map(i64::from) {
+            let a = at(&cut, x - i64::from(around.left), y - i64::from(around.top));
+            let (left, top) = (i64::from(view.bounds[0]), i64::from(view.bounds[1]));
+            let margin = i64::from(margin);
+            let b = at(&alone, x - left + margin, y - top + margin);
+            both += u32::from(a && b);
+            either += u32::from(a || b);
+        }
+    }
+    f64::from(both) / f64::from(either.max(1))
+}
+
+fn judged(
+    page: &Page,
+    rgba: &RgbaImage,
+    proposal: Option<&PageProposal>,
+    subject: &str,
+) -> Outcome {
     let mut own = Outcome {
         traits: page.traits.clone(),
         subject: subject.to_owned(),
@@ -181,6 +224,7 @@ fn judged(page: &Page, proposal: Option<&PageProposal>, subject: &str) -> Outcom
         free[k] = false;
         own.found += 1;
         own.ious.push(iou_of(k));
+        own.silhouettes.push(silhouette_iou(rgba, proposal, k, view));
         let figure = &proposal.figures[k];
         let off = (figure.azimuth.degrees() - view.azimuth_deg).rem_euclid(360.0);
         let right = off.min(360.0 - off) < 22.5;
@@ -188,9 +232,7 @@ fn judged(page: &Page, proposal: Option<&PageProposal>, subject: &str) -> Outcom
         own.all_right += usize::from(right);
         if view.tellable {
             own.right += usize::from(right);
-            let (sum, count) = &mut own.confidence[usize::from(right)];
-            *sum += figure.confidence;
-            *count += 1;
+            own.stated.push((figure.confidence, right));
         }
     }
     own.false_ones = free.iter().filter(|is| **is).count();
@@ -233,6 +275,12 @@ fn report(outcomes: &[Outcome]) {
         share(ious.iter().filter(|v| **v > 0.9).count(), ious.len()),
         ious.iter().sum::<f64>() / ious.len().max(1) as f64
     );
+    let silhouettes: Vec<f64> = outcomes.iter().flat_map(|o| o.silhouettes.clone()).collect();
+    println!(
+        "silhouettes of cut-outs as of drawings alone, IoU above .95: {}; mean {:.3}",
+        share(silhouettes.iter().filter(|v| **v > 0.95).count(), silhouettes.len()),
+        silhouettes.iter().sum::<f64>() / silhouettes.len().max(1) as f64
+    );
     println!(
         "azimuths right where they can be told: {}",
         share(sum(&|o| o.right), sum(&|o| o.tellable))
@@ -241,12 +289,7 @@ fn report(outcomes: &[Outcome]) {
         "azimuths right of all views: {}",
         share(sum(&|o| o.all_right), sum(&|o| o.all_views))
     );
-    let confidence = |k: usize| {
-        let (sum, count) =
-            outcomes.iter().map(|o| o.confidence[k]).fold((0.0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
-        sum / f64::max(count as f64, 1.0)
-    };
-    println!("mean confidence where right {:.2}, where wrong {:.2}", confidence(1), confidence(0));
+    report_confidence(&outcomes.iter().flat_map(|o| o.stated.clone()).collect::<Vec<_>>());
     let mut by: BTreeMap<&str, (usize, usize)> = BTreeMap::new();
     for outcome in outcomes {
         for name in &outcome.traits {
@@ -257,5 +300,27 @@ fn report(outcomes: &[Outcome]) {
     }
     for (name, (whole, all)) in by {
         println!("  {name}: {}", share(whole, all));
+    }
+}
+
+/// How far the stated confidence is what it says, all in all and by fifths.
+fn report_confidence(stated: &[(f64, bool)]) {
+    let mean = |of: &[(f64, bool)]| {
+        of.iter().map(|(confidence, _)| confidence).sum::<f64>() / of.len().max(1) as f64
+    };
+    let (right, wrong): (Vec<_>, Vec<_>) = stated.iter().partition(|(_, right)| *right);
+    println!(
+        "mean confidence {:.3}, where right {:.2}, where wrong {:.2}",
+        mean(stated),
+        mean(&right),
+        mean(&wrong)
+    );
+    for fifth in 0..5 {
+        let within = |(confidence, _): &&(f64, bool)| (confidence * 5.0).min(4.0) as usize == fifth;
+        let own: Vec<(f64, bool)> = stated.iter().filter(within).copied().collect();
+        if !own.is_empty() {
+            let right = own.iter().filter(|(_, right)| *right).count();
+            println!("  stated {:.2}: right {}", mean(&own), share(right, own.len()));
+        }
     }
 }
