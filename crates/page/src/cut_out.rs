@@ -60,8 +60,8 @@ fn bare(proposal: &PageProposal, colour: [f32; 3]) -> Rgba<u8> {
 }
 
 /// The view `index` of `page` with paper about it. What else is drawn there is
-/// painted over with paper; guides that go through it stay, for the search of
-/// the subject tells them from it.
+/// painted over with paper; guides that go through it are rubbed out, for a
+/// search of the cut-out alone sees too little of them to tell them from it.
 ///
 /// # Panics
 /// If the proposal has no such view or is of a page of another size.
@@ -85,12 +85,54 @@ pub fn cut_out(page: &RgbaImage, proposal: &PageProposal, index: usize) -> RgbaI
             }
         }
     }
+    let at = |x: u32| i64::from(x / factor);
+    rub_out(&mut cut, |x, y| proposal.rubbed.at(at(left + x), at(top + y)));
     let place = &proposal.figures[index].place;
     for (x, y) in specks(&cut, proposal, place, [left, top]) {
         let paper = proposal.field.row((top + y) as usize);
         cut.put_pixel(x, y, bare(proposal, paper.at((left + x) as usize)));
     }
     cut
+}
+
+/// Where `ruled` lines are rubbed out, but for the strokes and edges that are `kept`.
+pub(crate) fn rubbed(ruled: &Bits, kept: &Bits) -> Bits {
+    ruled.dilated(BLUR).and_not(kept)
+}
+
+/// Gives pixels the colour between those on either side of them, across the narrower way.
+fn rub_out(cut: &mut RgbaImage, is: impl Fn(u32, u32) -> bool) {
+    let before = cut.clone();
+    let (w, h) = before.dimensions();
+    // The nearest pixel that stays, within `most`, with how far it is.
+    let kept = |x: u32, y: u32, (dx, dy): (i64, i64), most: i64| {
+        (1..=most).find_map(|far| {
+            let u = u32::try_from(i64::from(x) + far * dx).ok().filter(|u| *u < w)?;
+            let v = u32::try_from(i64::from(y) + far * dy).ok().filter(|v| *v < h)?;
+            (!is(u, v)).then(|| (far, *before.get_pixel(u, v)))
+        })
+    };
+    let across = |x: u32, y: u32, way: (i64, i64), most: i64| {
+        Some((kept(x, y, way, most)?, kept(x, y, (-way.0, -way.1), most)?))
+    };
+    for (x, y, pixel) in cut.enumerate_pixels_mut().filter(|(x, y, _)| is(*x, *y)) {
+        let down = across(x, y, (0, 1), i64::from(h));
+        let most = down.map_or(i64::from(w), |((a, _), (b, _))| a + b - 1);
+        let ends = across(x, y, (1, 0), most).or(down);
+        if let Some(((a, one), (b, other))) = ends {
+            let share = a as f32 / (a + b) as f32;
+            let between = |one: u8, other: u8| {
+                (f32::from(one) * (1.0 - share) + f32::from(other) * share).round() as u8
+            };
+            *pixel = Rgba(std::array::from_fn(|c| between(one.0[c], other.0[c])));
+        } else if let Some((_, nearest)) = [(0, 1), (0, -1), (1, 0), (-1, 0)]
+            .into_iter()
+            .filter_map(|way| kept(x, y, way, i64::from(w.max(h))))
+            .min_by_key(|(far, _)| *far)
+        {
+            *pixel = nearest;
+        }
+    }
 }
 
 /// Pixels of specks in the margin, with the blur about them: too small to have

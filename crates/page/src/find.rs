@@ -16,7 +16,7 @@ use crate::outline::TOLERANCE;
 use crate::proposal::{FIRST, Figure, LEFT, LeftOut, LeftOutKind, NOBODY, PageProposal};
 use crate::select::{self, Selected};
 use crate::shape::Shape;
-use crate::{joins, outline, panels, small};
+use crate::{cut_out, joins, outline, panels, small};
 
 /// Bare pixels about a figure while its outline is closed.
 const PAD: usize = 4;
@@ -189,7 +189,9 @@ fn found(
         Marks::of(page, options.working_side_px).ok_or(PageError::NoPixels { width, height })?;
     let colours = small::colours(page, marks.factor, marks.paper.colour);
     steps.done(1, "marks")?;
+    let drawn = marks.lines.clone();
     let mut left = removed_lines(&mut marks);
+    let ruled = drawn.and_not(&marks.lines);
     steps.done(2, "lines")?;
     let (blobs, selected) = drawings(&marks);
     left.extend(select::left_out(&blobs, &selected, &colours));
@@ -210,7 +212,12 @@ fn found(
     let views: Vec<View> =
         order.par_iter().map(|&(k, row)| View::of(&marks, &blobs, k, row, &detail)).collect();
     steps.done(4, "outlines")?;
-    let owners = owners(&blobs, &order);
+    let mut owners = owners(&blobs, &order);
+    let mut kept = marks.lines.clone();
+    for (k, view) in views.iter().enumerate() {
+        view.edges_on(&mut kept, &mut owners, FIRST + k as u16);
+    }
+    let rubbed = cut_out::rubbed(&ruled, &kept);
     let usual =
         median(&views.iter().map(|view| f64::from(view.place.height())).collect::<Vec<_>>());
     let size = (width, height);
@@ -224,6 +231,7 @@ fn found(
         confidence: 0.0,
         left_out,
         owners,
+        rubbed,
         factor: marks.factor,
         is_clear: marks.is_clear,
         field: marks.field,
@@ -314,6 +322,8 @@ struct View {
     place: Box2,
     /// Of the box's size and [`PAD`] about it.
     mask: Bits,
+    /// Where its own edge lies on lines that were removed; of the mask's size.
+    edges: Bits,
     row: usize,
     shape: Shape,
 }
@@ -335,6 +345,8 @@ impl View {
         };
         let (lines, areas) = (within(&marks.lines), within(&marks.areas));
         let options = SubjectOptions::default();
+        let corner = (i64::from(place.left) - PAD as i64, i64::from(place.top) - PAD as i64);
+        let edges = marks.own_edges(&lines.clone().or(&areas), corner);
         let mask = enclosed(&lines, &areas, marks.stroke_px, &options).or(&own);
         let mut near = Raster::filled(own.width, own.height, 0_u8);
         for y in 0..place.height() as usize {
@@ -345,7 +357,21 @@ impl View {
         }
         // Closing gaps cannot reach beyond the bounds, so there is a shape.
         let shape = Shape::of(&mask, &near).expect("a drawing has pixels");
-        Self { place, mask, row, shape }
+        Self { place, mask, edges, row, shape }
+    }
+
+    /// Adds its edges on removed lines to `kept`, and makes it the owner of those that are nobody's.
+    fn edges_on(&self, kept: &mut Bits, owners: &mut Raster<u16>, own: u16) {
+        let set = (0..self.edges.data.len()).filter(|&at| self.edges.data[at]);
+        for (x, y) in set.map(|at| (at % self.edges.width, at / self.edges.width)) {
+            let (x, y) = (x + self.place.left as usize, y + self.place.top as usize);
+            let Some((x, y)) = x.checked_sub(PAD).zip(y.checked_sub(PAD)) else { continue };
+            if x < kept.width && y < kept.height {
+                kept.data[y * kept.width + x] = true;
+                let owner = &mut owners.data[y * kept.width + x];
+                *owner = if *owner == NOBODY { own } else { *owner };
+            }
+        }
     }
 
     fn figure(&self, factor: usize, (width, height): (u32, u32), usual: f64) -> Figure {

@@ -6,7 +6,7 @@ use std::fmt;
 use frames::Azimuth;
 use image::GrayImage;
 use serde::{Serialize, Serializer};
-use subject::raster::Raster;
+use subject::raster::{Bits, Raster};
 use subject::{Box2, Paper, PaperSummary, Point};
 
 /// What was found on a page. Places are in its pixels.
@@ -27,6 +27,9 @@ pub struct PageProposal {
     /// Whose each working pixel is.
     #[serde(skip)]
     pub(crate) owners: Raster<u16>,
+    /// Working pixels of frames and straight lines that are of no view, with the blur about them.
+    #[serde(skip)]
+    pub(crate) rubbed: Bits,
     /// A working pixel is so many page pixels wide.
     #[serde(skip)]
     pub(crate) factor: usize,

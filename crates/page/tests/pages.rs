@@ -142,6 +142,53 @@ fn a_caption_is_left_out_and_painted_over() {
 }
 
 #[test]
+fn guides_are_rubbed_out_of_cut_outs_and_soles_stay() {
+    // An outlined body with two feet on a ground line, a guide through its middle, drawn twice.
+    let outline = |page: &mut RgbaImage, left: u32| {
+        for (x, y, w, h) in [
+            (0, 80, 80, 3),
+            (0, 80, 3, 180),
+            (77, 80, 3, 180),
+            (16, 200, 3, 60),
+            (61, 200, 3, 60),
+            (0, 200, 80, 3),
+        ] {
+            block(page, left + x, y, w, h, INK);
+        }
+        block(page, left, 257, 19, 3, INK);
+        block(page, left + 61, 257, 19, 3, INK);
+    };
+    let mut alone = paper(700, 360);
+    outline(&mut alone, 120);
+    outline(&mut alone, 420);
+    let mut page = alone.clone();
+    for y in [140, 257] {
+        block(&mut page, 20, y, 660, 3, INK);
+    }
+    let proposal = proposed(&page);
+    assert_eq!(proposal.figures.len(), 2);
+    for (k, figure) in proposal.figures.iter().enumerate() {
+        let cut = page::cut_out(&page, &proposal, k);
+        let around = page::with_margin(&figure.place, page.dimensions());
+        let same = cut.enumerate_pixels().filter(|(x, y, pixel)| {
+            let drawn = alone.get_pixel(x + around.left, y + around.top).0[0];
+            drawn.abs_diff(pixel.0[0]) < 60
+        });
+        let (same, all) = (same.count(), (cut.width() * cut.height()) as usize);
+        assert!(same * 100 >= all * 98, "{same} of {all} pixels are as drawn");
+        let ink = |columns: std::ops::Range<u32>, row: u32| {
+            let row = row - around.top;
+            let dark = |x: &u32| cut.get_pixel(x - around.left, row).0[0] < 128;
+            columns.clone().filter(dark).count() as f64 / columns.len() as f64
+        };
+        let left = [120, 420][k];
+        // The guide is gone inside and outside, the soles are there.
+        assert!(ink(left + 6..left + 74, 141) < 0.05 && ink(left + 84..left + 90, 141) == 0.0);
+        assert!(ink(left + 4..left + 15, 258) > 0.9, "the sole went with the ground line");
+    }
+}
+
+#[test]
 fn azimuths_by_hand_must_be_one_a_figure() {
     let azimuths = |text| page::azimuth_order(text).unwrap().unwrap();
     let mut proposals = vec![proposed(&sheet())];

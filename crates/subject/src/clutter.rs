@@ -37,6 +37,8 @@ const PAGE_GUIDE_LENGTH: f64 = 0.25;
 const PAGE_ALONE: f64 = 0.12;
 const PAGE_ALONE_LENGTH: f64 = 0.06;
 const PAGE_DRAWN: f64 = 0.96;
+/// So much of a removed line beyond a figure is drawn again to look for its edges, px.
+const BEYOND_PX: usize = 16;
 /// On pages smaller than this nothing is a guide, px.
 const LEAST_PAGE: usize = 120;
 
@@ -44,13 +46,15 @@ const LEAST_PAGE: usize = 120;
 pub(crate) struct Cleaned {
     pub(crate) ink: Bits,
     pub(crate) removed: Vec<Removed>,
+    /// Those that [`without_lines`] and [`without_page_lines`] removed.
+    pub(crate) lines: Vec<Line>,
 }
 
 /// Removes a frame around the figure from `ink`, if there is one.
 ///
 /// * `stroke_px`: the width of the drawing's strokes.
 pub(crate) fn without_frame(ink: &Bits, stroke_px: f64) -> Cleaned {
-    let mut cleaned = Cleaned { ink: ink.clone(), removed: Vec::new() };
+    let mut cleaned = Cleaned { ink: ink.clone(), removed: Vec::new(), lines: Vec::new() };
     let (w, h) = (ink.width, ink.height);
     if w.min(h) < LEAST_PAGE {
         return cleaned;
@@ -93,7 +97,7 @@ fn without(
     lines_of: &dyn Fn(&Bits) -> Vec<Line>,
     kind_of: &dyn Fn(&Line, &Bits) -> Option<RemovedKind>,
 ) -> Cleaned {
-    let mut cleaned = Cleaned { ink: ink.clone(), removed: Vec::new() };
+    let mut cleaned = Cleaned { ink: ink.clone(), removed: Vec::new(), lines: Vec::new() };
     let (w, h) = (ink.width, ink.height);
     if w.min(h) < LEAST_PAGE {
         return cleaned;
@@ -122,7 +126,59 @@ fn without(
         cut_all(&mut cleaned.ink, &lines, &earlier, stroke_px, restored);
         earlier.extend(lines);
     }
+    cleaned.lines = earlier;
     cleaned
+}
+
+/// What of removed `lines` is a figure's own edge: the stretches that close it best.
+///
+/// * `own`: the figure's ink without the lines; they are those of the raster that it was cut from
+///   at `left`, `top`.
+pub(crate) fn own_edges(
+    own: &Bits,
+    lines: &[Line],
+    (left, top): (i64, i64),
+    stroke_px: f64,
+) -> Bits {
+    // A line must go on beyond the figure to be told from it.
+    let beyond = (4.0 * stroke_px).ceil() as usize + BEYOND_PX;
+    let mut ink = Bits::filled(own.width + 2 * beyond, own.height + 2 * beyond, false);
+    for y in 0..own.height {
+        let from = (y + beyond) * ink.width + beyond;
+        ink.data[from..from + own.width].copy_from_slice(own.row(y));
+    }
+    let (left, top) = (left - beyond as i64, top - beyond as i64);
+    let lines: Vec<Line> = lines.iter().filter_map(|line| within(line, &ink, left, top)).collect();
+    for line in &lines {
+        for along in line.from..line.to {
+            let (middle, half) = (line.across(along), line.thickness / 2.0);
+            for across in (middle - half).round() as i64..(middle + half).round() as i64 {
+                let along = along as i64;
+                let (x, y) = if line.upright { (across, along) } else { (along, across) };
+                ink.set(x, y, true);
+            }
+        }
+    }
+    cut_all(&mut ink, &lines, &[], stroke_px, Restore::Best);
+    let mut edges = Bits::filled(own.width, own.height, false);
+    for y in 0..own.height {
+        let from = (y + beyond) * ink.width + beyond;
+        edges.data[y * own.width..][..own.width].copy_from_slice(&ink.data[from..][..own.width]);
+    }
+    edges.and_not(own)
+}
+
+/// The part of a line on a raster that was cut out at `left`, `top`.
+fn within(line: &Line, cut: &Bits, left: i64, top: i64) -> Option<Line> {
+    let (along, across) = if line.upright { (top, left) } else { (left, top) };
+    let (length, breadth) =
+        if line.upright { (cut.height, cut.width) } else { (cut.width, cut.height) };
+    let from = (line.from as i64 - along).max(0);
+    let to = (line.to as i64 - along).min(length as i64);
+    let at = line.across(line.from) + line.slope * (from + along - line.from as i64) as f64
+        - across as f64;
+    let is_on_it = from < to && (0.0..breadth as f64).contains(&at);
+    is_on_it.then(|| Line { from: from as usize, to: to as usize, at, ..line.clone() })
 }
 
 /// As [`lines_of`], and level and upright lines of which only short stretches

@@ -9,6 +9,7 @@ use crate::options::{CleanOptions, SubjectOptions};
 use crate::paper::Paper;
 use crate::raster::{Bits, Component, Raster, filled};
 use crate::report::{PaperSummary, Removed};
+use crate::straight::Line;
 use crate::structure::{CLEAR_COLOUR, PAINTED, above, enclosed_lines, reduced_mask, stroke_of};
 use crate::tone::Tone;
 
@@ -36,6 +37,8 @@ pub struct Marks {
     colour: Raster<f32>,
     tolerance: f32,
     is_cut_out: bool,
+    /// Straight lines that were removed.
+    removed: Vec<Line>,
 }
 
 impl Marks {
@@ -71,6 +74,7 @@ impl Marks {
             colour,
             tolerance,
             is_cut_out: false,
+            removed: Vec::new(),
             is_clear: !matches!(meaning, Meaning::Nothing),
         };
         own.stroke_px = stroke_of(&own.lines);
@@ -110,7 +114,15 @@ impl Marks {
             // Strokes that cross a line stay.
             self.lines = cleaned.ink;
         }
+        self.removed.extend(cleaned.lines);
         cleaned.removed
+    }
+
+    /// Where a figure's own edge lies on straight lines that were removed: soles on a ground line.
+    ///
+    /// * `own`: its strokes and areas, from column `left` and row `top` of the rasters.
+    pub fn own_edges(&self, own: &Bits, (left, top): (i64, i64)) -> Bits {
+        clutter::own_edges(own, &self.removed, (left, top), self.stroke_px)
     }
 
     fn find_areas(&mut self) {
