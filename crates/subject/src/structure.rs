@@ -163,10 +163,24 @@ impl Structure {
         }
     }
 
-    /// Removes straight lines and lettering from `bits`.
+    /// Removes straight lines and lettering from `bits`, save where nothing else is
+    /// drawn: a crate's outline is no frame, and then its edges are no guides.
     fn clean(&mut self, bits: &mut Bits, options: &SubjectOptions) {
         let before = bits.clone();
-        if options.clean.frames.is_on() {
+        let removed = self.removed.len();
+        for frames in [options.clean.frames.is_on(), false] {
+            self.clean_once(bits, frames, options);
+            if bits.count() > 0 || before.count() == 0 {
+                break;
+            }
+            self.removed.truncate(removed);
+            *bits = before.clone();
+        }
+        self.cleared = self.cleared.clone().or(&before.and_not(bits));
+    }
+
+    fn clean_once(&mut self, bits: &mut Bits, frames: bool, options: &SubjectOptions) {
+        if frames {
             let cleaned = clutter::without_frame(bits, self.stroke);
             self.removed.extend(cleaned.removed);
             *bits = cleaned.ink;
@@ -179,7 +193,6 @@ impl Structure {
         if lined {
             self.clean_lettering(bits, options);
         }
-        self.cleared = self.cleared.clone().or(&before.and_not(bits));
     }
 
     fn clean_lettering(&mut self, bits: &mut Bits, options: &SubjectOptions) {

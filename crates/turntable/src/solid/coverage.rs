@@ -1,6 +1,8 @@
 //! Silhouettes keep something behind them: lines of sight that meet the hull and
 //! no longer the solid get back what is most likely there.
 
+use std::ops::Range;
+
 use nalgebra::Point2;
 
 use super::outline::Outline;
@@ -11,6 +13,9 @@ use crate::surface::field::{Lattice, Plane};
 pub(super) const DEPTH: f32 = 0.3;
 /// How often what is lifted is averaged over neighbours.
 const SPREAD: usize = 4;
+
+/// An edge may be left beside a body so many times as broad: thin limbs are all edge.
+const BODY: usize = 6;
 
 /// The lines of sight through a slice, one a node's width.
 struct Sights {
@@ -60,14 +65,25 @@ impl Sights {
 /// Lifts whole lines of sight until their deepest nodes are inside.
 ///
 /// `plane` takes the window of `hull`, and stays within it.
-pub(super) fn restore(plane: &mut Plane, hull: &Plane, lattice: &Lattice, directions: &[Outline]) {
+///
+/// * `edge`: so many uncovered lines of sight beside covered ones are left, nodes.
+pub(super) fn restore(
+    plane: &mut Plane,
+    hull: &Plane,
+    lattice: &Lattice,
+    directions: &[Outline],
+    edge: usize,
+) {
     let sights = Sights::new(hull, lattice);
     let depth = DEPTH * lattice.pitch_px as f32;
     for view in directions {
         let deepest = sights.deepest(&plane.values, view);
+        let mut lifts = vec![false; deepest.len()];
+        uncovered(&deepest, depth, edge).for_each(|run| lifts[run].fill(true));
         for (index, point) in &sights.inside {
-            let (deepest, _) = deepest[sights.of(point, view)];
-            if deepest < depth {
+            let sight = sights.of(point, view);
+            if lifts[sight] {
+                let (deepest, _) = deepest[sight];
                 let lifted = plane.values[*index] + depth - deepest;
                 plane.values[*index] = lifted.min(hull.values[*index]);
             }
@@ -144,25 +160,32 @@ fn missing(
 }
 
 /// Runs of lines of sight that are less than `depth` inside, but for those of at
-/// most `edge` beside others that are covered.
+/// most `edge` beside many more that are covered.
 fn uncovered(
     deepest: &[(f32, Option<usize>)],
     depth: f32,
     edge: usize,
-) -> impl Iterator<Item = std::ops::Range<usize>> {
-    let lacks = move |(value, index): &(f32, Option<usize>)| index.is_some() && *value < depth;
-    let meets =
-        |at: Option<usize>| at.and_then(|at| deepest.get(at)).is_some_and(|s| s.1.is_some());
-    let mut end = 0;
-    let runs = deepest.chunk_by(move |a, b| lacks(a) == lacks(b)).map(move |run| {
-        end += run.len();
-        (end - run.len()..end, run.first().is_some_and(lacks))
-    });
-    runs.filter(move |(run, lacks)| {
-        let beside = meets(run.start.checked_sub(1)) || meets(Some(run.end));
-        *lacks && !(run.len() <= edge && beside)
-    })
-    .map(|(run, _)| run)
+) -> impl Iterator<Item = Range<usize>> {
+    let state = |(value, index): &(f32, Option<usize>)| index.map(|_| *value < depth);
+    let mut runs: Vec<(Range<usize>, Option<bool>)> = Vec::new();
+    for run in deepest.chunk_by(|a, b| state(a) == state(b)) {
+        let from = runs.last().map_or(0, |(before, _)| before.end);
+        runs.push((from..from + run.len(), run.first().and_then(state)));
+    }
+    let covered = |at: Option<usize>| {
+        let run = at.and_then(|at| runs.get(at));
+        run.filter(|(_, lacks)| *lacks == Some(false)).map_or(0, |(run, _)| run.len())
+    };
+    let is_left = |k: usize, run: &Range<usize>| {
+        let beside = covered(k.checked_sub(1)).max(covered(Some(k + 1)));
+        run.len() <= edge && beside >= BODY * run.len()
+    };
+    let counted = runs.iter().enumerate();
+    let found: Vec<_> = counted
+        .filter(|(k, (run, lacks))| *lacks == Some(true) && !is_left(*k, run))
+        .map(|(_, (run, _))| run.clone())
+        .collect();
+    found.into_iter()
 }
 
 #[cfg(test)]
@@ -203,7 +226,7 @@ mod tests {
         let hull = plane(|x, y| 8.0 - x.abs().max(y.abs()));
         let mut shrunk = plane(|x, y| 5.0 - x.hypot(y));
         assert!(!covered(&shrunk, &hull));
-        restore(&mut shrunk, &hull, &lattice(), &views());
+        restore(&mut shrunk, &hull, &lattice(), &views(), 0);
         assert!(covered(&shrunk, &hull));
         assert!(shrunk.values.iter().zip(&hull.values).all(|(value, bound)| value <= bound));
     }
@@ -211,15 +234,16 @@ mod tests {
     #[test]
     fn narrow_edges_beside_what_is_covered_may_be_left() {
         let sight = |value: f32| (value, Some(0));
-        let line = [(-1.0, None), sight(-1.0), sight(2.0), sight(-1.0), sight(-1.0), sight(-1.0)];
+        let body = [sight(2.0); BODY];
+        let line = [&[(-1.0, None), sight(-1.0)], &body[..], &[sight(-1.0); 3]].concat();
         let runs = |line: &[(f32, Option<usize>)], edge: usize| {
             let runs = uncovered(line, 0.3, edge);
             runs.map(|run| (run.start, run.end)).collect::<Vec<_>>()
         };
-        assert_eq!(runs(&line, 0), [(1, 2), (3, 6)]);
-        assert_eq!(runs(&line, 2), [(3, 6)]);
-        assert!(runs(&line, 3).is_empty());
-        // What stands alone is no edge.
+        assert_eq!(runs(&line, 0), [(1, 2), (8, 11)]);
+        assert_eq!(runs(&line, 2), [(8, 11)]);
+        // Three are many beside six, and what stands alone is no edge.
+        assert_eq!(runs(&line, 3), [(8, 11)]);
         assert_eq!(runs(&[(-1.0, None), sight(-1.0), (-1.0, None)], 2), [(1, 2)]);
     }
 
@@ -239,7 +263,7 @@ mod tests {
         assert!((0..SIZE * SIZE).all(|index| rises(index) >= 0.0));
         assert!((0..SIZE * SIZE).any(|index| rises(index) > 0.5));
         let mut restored = before.clone();
-        restore(&mut restored[middle], &hulls[middle], &lattice(), &views());
+        restore(&mut restored[middle], &hulls[middle], &lattice(), &views(), 0);
         assert!(step(&planes, middle) < 0.8 * step(&restored, middle));
         let within = |(plane, hull): (&Plane, &Plane)| {
             plane.values.iter().zip(&hull.values).all(|(value, bound)| value <= bound)

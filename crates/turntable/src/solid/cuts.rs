@@ -183,7 +183,7 @@ impl<'a> Bounds<'a> {
         }
         for bound in [&hulls, self.hulls] {
             planes.par_iter_mut().zip(bound).for_each(|(plane, hull)| {
-                coverage::restore(plane, hull, &lattice, self.directions);
+                coverage::restore(plane, hull, &lattice, self.directions, 0);
             });
         }
         Field { lattice, planes }

@@ -519,6 +519,6 @@ fn fuse(
     field.planes.par_iter_mut().zip(hulls).enumerate().for_each(|(k, (plane, hull))| {
         let around = [k.saturating_sub(1), k, (k + 1).min(corrections.len() - 1)];
         fusion::correct(plane, hull, around.map(|k| &corrections[k]), &lattice);
-        coverage::restore(plane, hull, &lattice, directions);
+        coverage::restore(plane, hull, &lattice, directions, 0);
     });
 }

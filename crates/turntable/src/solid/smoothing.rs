@@ -56,11 +56,8 @@ pub(super) fn smooth(field: &mut Field, hulls: &[Plane], directions: &[Outline],
         coverage::lift(&mut field.planes, hulls, &lattice, directions, edge);
     }
     tunnels::fill(field, hulls);
-    if edge > 0 {
-        return;
-    }
     field.planes.par_iter_mut().zip(hulls).for_each(|(plane, hull)| {
-        coverage::restore(plane, hull, &lattice, directions);
+        coverage::restore(plane, hull, &lattice, directions, edge);
     });
 }
 
