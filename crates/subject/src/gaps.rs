@@ -336,7 +336,6 @@ fn to_side(end: &End, barrier: &Bits, stroke_px: f64, max_gap_px: f64) -> Option
     for step in -10..=10 {
         let turn_deg = f64::from(step) * FAN_DEG / 10.0;
         let (sine, cosine) = (heading + turn_deg.to_radians()).sin_cos();
-        let mut left = false;
         let mut along = 0.5;
         while along <= max_gap_px {
             let (x, y) = (end.x + cosine * along, end.y + sine * along);
@@ -344,11 +343,9 @@ fn to_side(end: &End, barrier: &Bits, stroke_px: f64, max_gap_px: f64) -> Option
                 break;
             }
             let place = (x as i64, y as i64);
-            let inked = barrier.at(place.0, place.1) && !own.contains(&place);
-            left |= !inked;
-            if inked && (left || along > 2.0 * stroke_px + 2.0) {
+            if barrier.at(place.0, place.1) && !own.contains(&place) {
                 let cost = along * (1.0 + TURN_COST * turn_deg.abs());
-                if left && best.is_none_or(|(least, _, _)| cost < least) {
+                if best.is_none_or(|(least, _, _)| cost < least) {
                     best = Some((cost, x, y));
                 }
                 break;

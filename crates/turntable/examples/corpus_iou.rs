@@ -16,6 +16,8 @@ use std::time::Instant;
 use drawing::{DegradeOptions, DegradePreset, DrawOptions, Drawer, PreparedModel};
 use evaluation::{ComparisonOptions, SolidTruth};
 use frames::Azimuth;
+use image::{GrayImage, Luma};
+use imageproc::geometric_transformations::{Border, Interpolation, warp_with};
 use mesh::Mesh;
 use mesh::read::{Limits, ModelFormat, load};
 use progress::Silent;
@@ -139,30 +141,15 @@ fn drawn_apart(view: &View, amount: f64, seed: u64) -> View {
     };
     let (up, lean, wide) = (wave(), wave(), wave());
     let reach = amount * f64::from(height);
-    let source = |x: u32, y: u32| {
-        let at = f64::from(y) / f64::from(height);
+    let source = |x: f32, y: f32| {
+        let (x, y) = (f64::from(x), f64::from(y));
+        let at = y / f64::from(height);
         let middle = f64::from(width) / 2.0;
-        let from_axis = (f64::from(x) - middle) * (1.0 + amount * wide(at));
-        (middle + from_axis + reach * lean(at), f64::from(y) + reach * up(at))
+        let from_axis = (x - middle) * (1.0 + amount * wide(at));
+        ((middle + from_axis + reach * lean(at)) as f32, (y + reach * up(at)) as f32)
     };
-    let warped = |picture: &image::GrayImage, outside: u8| {
-        image::GrayImage::from_fn(width, height, |x, y| {
-            let (u, v) = source(x, y);
-            let at = |dx: i64, dy: i64| {
-                let (px, py) = (u.floor() as i64 + dx, v.floor() as i64 + dy);
-                let inside =
-                    (0..i64::from(width)).contains(&px) && (0..i64::from(height)).contains(&py);
-                if inside {
-                    f64::from(picture.get_pixel(px as u32, py as u32).0[0])
-                } else {
-                    f64::from(outside)
-                }
-            };
-            let (a, b) = (u - u.floor(), v - v.floor());
-            let level = (1.0 - b) * ((1.0 - a) * at(0, 0) + a * at(1, 0))
-                + b * ((1.0 - a) * at(0, 1) + a * at(1, 1));
-            image::Luma([level.round() as u8])
-        })
+    let warped = |picture: &GrayImage, outside: u8| {
+        warp_with(picture, source, Interpolation::Bilinear, Border::Constant(Luma([outside])))
     };
     let mask = view.mask.as_ref().map(|mask| {
         let mut warped = warped(mask, 0);
