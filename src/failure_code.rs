@@ -59,8 +59,6 @@ failure_codes! {
         "draw dark lines on light paper, give a mask, or leave the view out";
     NoPaper = "no_paper", "No paper is left around the subject.",
         "leave a margin around the subject, or give its mask";
-    TooFewDirections = "too_few_directions", "All views look along one line.",
-        "add a view from another side";
     NoCommonRow = "no_common_row", "The silhouettes have no row in common.",
         "draw all views at one height and one scale";
     ContradictingViews = "contradicting_views", "Nothing is inside all silhouettes.",

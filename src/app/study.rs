@@ -22,13 +22,8 @@ use study::{Protocol, Study, StudySheet, TripleError, choose_triple, units};
 const WIDER: (&str, f64) = ("hero", 15.0);
 
 /// What a sheet must have to be studied.
-const REQUIREMENTS: SheetRequirements = SheetRequirements {
-    min_views: 3,
-    max_views: 360,
-    equal_sizes: true,
-    elevated: false,
-    needs_sides: false,
-};
+const REQUIREMENTS: SheetRequirements =
+    SheetRequirements { min_views: 3, max_views: 360, equal_sizes: true, elevated: false };
 
 #[derive(Args, Debug)]
 pub(super) struct StudyArgs {

@@ -98,7 +98,6 @@ impl From<turntable::DraftError> for DraftError {
                 let code = match error {
                     SolidError::Cancelled(cancelled) => return Self::Cancelled(cancelled),
                     SolidError::Prior(_) => return Self::internal(error),
-                    SolidError::TooFewDirections { .. } => FailureCode::TooFewDirections,
                     SolidError::NoCommonRow => FailureCode::NoCommonRow,
                     SolidError::Empty => FailureCode::ContradictingViews,
                 };

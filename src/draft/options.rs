@@ -147,14 +147,6 @@ impl Method {
         }
     }
 
-    /// Whether level views along one line, such as front and back, are too little.
-    pub fn needs_sides(self) -> bool {
-        match self {
-            Self::Uncalibrated => false,
-            Self::Turntable => true,
-        }
-    }
-
     /// Whether it takes views from above and below beside level ones.
     pub fn takes_elevated(self) -> bool {
         match self {

@@ -103,6 +103,17 @@ fn volume(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> f64 {
 }
 
 #[test]
+fn front_and_back_alone_make_a_draft_that_says_its_depth_is_a_guess() {
+    let (document, files) = boxes(&[0.0, 180.0]);
+    let (summary, artifacts) = run(&document, &files, 2, &Silent).unwrap();
+    let metrics = metrics(&artifacts);
+    assert_eq!(metrics["solid"]["depth_guessed"], true);
+    assert_eq!(metrics["mesh"]["watertight"], true);
+    let said = "views 0 and 180 look along one line";
+    assert!(summary.warnings.iter().any(|w| w.starts_with(said)), "{summary:?}");
+}
+
+#[test]
 fn three_views_become_a_closed_solid_of_the_right_size() {
     let (document, files) = boxes(&[0.0, 45.0, 90.0]);
     let (summary, artifacts) = run(&document, &files, 2, &Silent).unwrap();

@@ -41,6 +41,12 @@ fn five_views(bencher: Bencher<'_, '_>) {
     let views: Vec<PriorView<'_>> =
         views.map(|(&azimuth_rad, [mask, ink])| PriorView { azimuth_rad, mask, ink }).collect();
     let half = SIDE as f64 / 2.0;
-    let input = PriorInput { views, size: (SIDE, SIDE), axis_px: half, origin_row_px: half };
+    let input = PriorInput {
+        views,
+        size: (SIDE, SIDE),
+        axis_px: half,
+        origin_row_px: half,
+        half_depth_px: None,
+    };
     bencher.bench(|| prior.occupancy(&input, &Silent).expect("logits"));
 }

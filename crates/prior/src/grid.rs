@@ -137,6 +137,10 @@ fn footprint(input: &PriorInput<'_>, directions: &[(f64, f64)]) -> Option<[f64; 
         corners = clipped(&corners, |[x, y]| x * cosine + y * sine - first);
         corners = clipped(&corners, |[x, y]| last - x * cosine - y * sine);
     }
+    if let (Some(half), [(sine, cosine), ..]) = (input.half_depth_px, directions) {
+        corners = clipped(&corners, |[x, y]| half - x * sine + y * cosine);
+        corners = clipped(&corners, |[x, y]| half + x * sine - y * cosine);
+    }
     corners
         .iter()
         .map(|&[x, y]| [x, x, y, y])
@@ -200,6 +204,7 @@ mod tests {
             size: (width, height),
             axis_px: 600.0,
             origin_row_px: 20.0,
+            half_depth_px: None,
         };
         let (low, high) = hull_box(&input).unwrap();
         assert!(

@@ -63,6 +63,9 @@ pub struct PriorInput<'a> {
     pub axis_px: f64,
     /// The row of the frame's origin, px from the upper border.
     pub origin_row_px: f64,
+    /// Where all views look along one line, how far from the axis the subject may
+    /// reach along it, px.
+    pub half_depth_px: Option<f64>,
 }
 
 /// Why there are no logits.

@@ -44,6 +44,7 @@ fn input<'a>(drawings: &'a [Drawing]) -> PriorInput<'a> {
         size: (SIDE, SIDE),
         axis_px: half,
         origin_row_px: half,
+        half_depth_px: None,
     }
 }
 

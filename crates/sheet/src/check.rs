@@ -18,8 +18,6 @@ pub struct SheetRequirements {
     pub equal_sizes: bool,
     /// Whether it takes views from above and below.
     pub elevated: bool,
-    /// Whether level views along one line, such as front and back, are too little.
-    pub needs_sides: bool,
 }
 
 /// A view of a checked document.
@@ -90,27 +88,7 @@ pub fn check_document(
         return Err(SheetProblem::TooFewViews { found, required });
     }
     placed.sort_by_key(PlacedView::viewpoint);
-    if requirements.needs_sides {
-        check_directions(&placed)?;
-    }
     Ok(placed)
-}
-
-/// Level views that look along one line, from the same or opposite sides, bound no depth.
-fn check_directions(views: &[PlacedView]) -> Result<(), SheetProblem> {
-    /// The sine from which on lines differ.
-    const DIFFERENT: f64 = 1e-3;
-    let level: Vec<f64> = views
-        .iter()
-        .filter(|view| view.viewpoint().is_level())
-        .map(|view| view.azimuth.radians())
-        .collect();
-    let Some(first) = level.first() else { return Ok(()) };
-    if level.iter().any(|other| (other - first).sin().abs() >= DIFFERENT) {
-        return Ok(());
-    }
-    let azimuths_deg = level.iter().map(|angle| angle.to_degrees()).collect();
-    Err(SheetProblem::OneDirection { azimuths_deg })
 }
 
 /// Checks the sizes of the decoded drawings: one size, if the method asks for it.

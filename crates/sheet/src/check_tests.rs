@@ -3,13 +3,8 @@
 use super::*;
 use crate::HoleDocument;
 
-const THREE: SheetRequirements = SheetRequirements {
-    min_views: 3,
-    max_views: 5,
-    equal_sizes: true,
-    elevated: true,
-    needs_sides: false,
-};
+const THREE: SheetRequirements =
+    SheetRequirements { min_views: 3, max_views: 5, equal_sizes: true, elevated: true };
 
 /// None of them need be level.
 const ANY: SheetRequirements = SheetRequirements { min_views: 0, ..THREE };
@@ -112,20 +107,6 @@ fn level_views_are_counted_where_others_do_not_do() {
         check_document(&raised(&top), &level_only),
         Err(SheetProblem::ElevationUnsupported { place, elevation_deg })
     );
-}
-
-#[test]
-fn views_along_one_line_are_too_little_where_sides_are_needed() {
-    let sides = SheetRequirements { min_views: 2, needs_sides: true, ..THREE };
-    let azimuths_deg = vec![0.0, 180.0];
-    let found = check_document(&document(&[180.0, 0.0]), &sides).unwrap_err();
-    assert_eq!(found, SheetProblem::OneDirection { azimuths_deg });
-    assert!(found.to_string().contains("0 and 180 degrees"), "{found}");
-    // One from above does not help: it shares no rows with them.
-    let raised = raised(&[(0.0, 0.0), (180.0, 0.0), (0.0, 90.0)]);
-    assert!(matches!(check_document(&raised, &sides), Err(SheetProblem::OneDirection { .. })));
-    check_document(&document(&[0.0, 180.0, 45.0]), &sides).unwrap();
-    check_document(&document(&[0.0, 180.0]), &SheetRequirements { min_views: 2, ..THREE }).unwrap();
 }
 
 #[test]

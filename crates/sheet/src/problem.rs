@@ -25,15 +25,6 @@ pub enum SheetProblem {
         /// The fewest level ones that are taken.
         required: usize,
     },
-    /// All level views look along one line.
-    #[error(
-        "the level views, at {}, look along one line, so that nothing bounds the depth; add a view from another side, such as 90 or 45, or give other angles if these were guessed wrong",
-        listed(azimuths_deg)
-    )]
-    OneDirection {
-        /// Of the level views, degrees.
-        azimuths_deg: Vec<f64>,
-    },
     /// The method takes level views alone.
     #[error(
         "{place} is at elevation {elevation_deg} degrees, and the method takes level views alone; leave the view out, or use the method turntable"
@@ -183,10 +174,4 @@ impl std::fmt::Display for PictureSize {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "{}x{}", self.width, self.height)
     }
-}
-
-/// Angles for people.
-fn listed(degrees: &[f64]) -> String {
-    let words: Vec<String> = degrees.iter().map(|angle| format!("{}", angle.round())).collect();
-    format!("{} degrees", words.join(" and "))
 }

@@ -80,6 +80,7 @@ fn entries(index: &str, folder: &Path) -> Vec<Entry> {
 
 fn azimuths(set: &str) -> Vec<f64> {
     match set {
+        "FB" => vec![0.0, 180.0],
         "FS" => vec![0.0, 90.0],
         "FSB" => vec![0.0, 90.0, 180.0],
         "FQS" => vec![0.0, 45.0, 90.0],

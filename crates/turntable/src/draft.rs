@@ -215,8 +215,7 @@ pub fn reconstruct<'a>(
     let (views, silhouettes, registrations) = registered(view_set(sheet)?, options)?;
     let above: Vec<&View> =
         sheet.views().iter().filter(|view| !view.viewpoint().is_level()).collect();
-    let hull =
-        if above.is_empty() { Vec::new() } else { solid::hull_points(&views, &silhouettes)? };
+    let hull = if above.is_empty() { Vec::new() } else { solid::hull_points(&views, &silhouettes) };
     let placed = elevated::placed(&above, &views, &hull, &options.silhouette, options.register)?;
     let cutting: Vec<ElevatedInput<'_>> = placed.iter().map(Placed::input).collect();
     let share = Share::new(observer, 0.0, SILHOUETTES);

@@ -102,7 +102,7 @@ pub fn measure(draft: &Draft<'_>, redrawn: &[Redrawn], options: &TurntableOption
     let mesh = mesh_metrics(&draft.solid.mesh);
     let fit: Vec<ViewFit> = redrawn.iter().map(|view| view.fit.clone()).collect();
     Metrics {
-        warnings: warnings(&views, &fit, &mesh),
+        warnings: warnings(&views, &fit, &draft.solid.report, &mesh),
         views,
         opposite_views: draft.silhouettes.opposites.clone(),
         fit,
@@ -123,8 +123,21 @@ fn mesh_metrics(mesh: &Mesh) -> MeshMetrics {
     }
 }
 
-fn warnings(views: &[ViewMetrics], fit: &[ViewFit], mesh: &MeshMetrics) -> Vec<String> {
-    let mut warnings: Vec<String> = fit.iter().filter_map(ViewFit::warning).collect();
+fn warnings(
+    views: &[ViewMetrics],
+    fit: &[ViewFit],
+    solid: &SolidReport,
+    mesh: &MeshMetrics,
+) -> Vec<String> {
+    let mut warnings: Vec<String> = Vec::new();
+    if solid.depth_guessed {
+        let named: Vec<&str> = views.iter().map(|view| view.name.as_str()).collect();
+        warnings.push(format!(
+            "views {} look along one line: how deep the subject is there is a guess; add a view from another side, such as 90 or 45, or correct the angles",
+            named.join(" and ")
+        ));
+    }
+    warnings.extend(fit.iter().filter_map(ViewFit::warning));
     for view in views {
         let (name, share) = (&view.name, view.registration.consistency);
         if view.registration.contradicts {

@@ -172,15 +172,12 @@ fn requirements(method: Method, limits: &HttpLimits) -> SheetRequirements {
         max_views: limits.max_views,
         equal_sizes: method.needs_equal_sizes(),
         elevated: method.takes_elevated(),
-        needs_sides: method.needs_sides(),
     }
 }
 
 fn sheet_problem(error: &SheetProblem) -> Problem {
     let kind = match error {
-        SheetProblem::TooFewViews { .. }
-        | SheetProblem::TooFewLevelViews { .. }
-        | SheetProblem::OneDirection { .. } => TOO_FEW_VIEWS,
+        SheetProblem::TooFewViews { .. } | SheetProblem::TooFewLevelViews { .. } => TOO_FEW_VIEWS,
         SheetProblem::ElevationUnsupported { .. } => ELEVATED_VIEW,
         SheetProblem::TooManyViews { .. } => TOO_MANY_VIEWS,
         SheetProblem::InvalidAngle { .. } => INVALID_ANGLE,

@@ -13,9 +13,12 @@ use crate::views::ViewSet;
 
 /// What the prior says of the subject on `sheet`, of drawn views alone: mirrored
 /// ones tell it nothing that it does not know.
+///
+/// * `guessed`: what a view from the side is taken to show, where none was drawn.
 pub(super) fn logits(
     sheet: &SolidSheet,
     views: &ViewSet,
+    guessed: Option<&Outline>,
     observer: &dyn Observer,
 ) -> Result<LogitField, PriorError> {
     static PRIOR: OnceLock<Option<Prior>> = OnceLock::new();
@@ -33,6 +36,7 @@ pub(super) fn logits(
         size: (sheet.width, sheet.height),
         axis_px: sheet.axis_px,
         origin_row_px: sheet.origin_row_px,
+        half_depth_px: guessed.and_then(Outline::column_range).map(|(_, high)| high),
     };
     prior.occupancy(&input, observer)
 }

@@ -9,7 +9,9 @@ mod coverage;
 mod crease;
 mod cuts;
 mod fusion;
+mod guessed;
 mod holes;
+mod hull;
 mod learned;
 mod outline;
 mod parts;
@@ -28,7 +30,7 @@ mod voxel;
 
 use std::cell::LazyCell;
 
-use nalgebra::{Point2, Point3};
+use nalgebra::Point2;
 
 use crate::depth_map::DepthMap;
 use crate::fit;
@@ -47,6 +49,7 @@ use cuts::{Bounds, Cut};
 pub use cuts::{CutReport, ElevatedInput};
 use frames::Azimuth;
 pub use holes::{Hole, HoleHint};
+pub(crate) use hull::hull_points;
 use mesh::shading::{CREASE_ANGLE_DEG, crease_edges};
 use mesh::{Mesh, components};
 use outline::Outline;
@@ -105,8 +108,7 @@ const MIN_TARGET_FACES: usize = 100;
 /// Builds the solid that the silhouettes, lines and depths of views show.
 ///
 /// # Errors
-/// [`SolidError`] for views along one line, silhouettes that share nothing,
-/// and if `observer` says so.
+/// [`SolidError`] for silhouettes that share nothing, and if `observer` says so.
 pub fn build(
     input: &SolidInput,
     options: &SolidOptions,
@@ -224,41 +226,47 @@ fn full_mesh(
 ) -> Result<Mesh, SolidError> {
     let directions = sheet.directions();
     report.directions = directions.len();
-    if directions.len() < 2 {
-        return Err(SolidError::TooFewDirections { found: directions.len(), required: 2 });
-    }
+    let boxy = is_boxy(options, report);
+    let bounding = hull::bounding(&directions, boxy);
+    report.depth_guessed = bounding.len() > directions.len();
     steps.done(1, "views")?;
-    let lattice = lattice_of(sheet, &directions, options)?;
+    let lattice = hull::lattice_of(sheet, &bounding, options)?;
     report.pitch_px = lattice.pitch_px;
     let rig = Rig::of_views(input.views);
     let cuts = input.elevated.iter().map(|view| Cut::new(view, &rig, input.hole_hints));
     let cuts: Vec<Cut> = cuts.collect();
     if options.kind == SolidKind::Voxel {
         steps.done(4, "field")?;
-        let occupancy = voxel::carve(&lattice, &directions, sheet.origin_row_px, &cuts);
+        let occupancy = voxel::carve(&lattice, &bounding, sheet.origin_row_px, &cuts);
         let mesh = marching_cubes(&lattice, &occupancy);
         report.full_faces = mesh.triangles.len();
         return Ok(mesh);
     }
-    let mut slices = slices_of(sheet, &directions, &lattice);
+    let mut slices = hull::slices_of(sheet, &bounding, &lattice);
     report.slices = slices.len();
     report.agreement = agreement::of_slices(&slices, &directions);
     // Flat walls are known from their outlines, wherever those are.
-    let apart = if is_boxy(options, report) { 0.0 } else { agreement::apart(report.agreement) };
+    let apart = if boxy { 0.0 } else { agreement::apart(report.agreement) };
     let apart = apart as f32;
-    if options.drop_ghosts && options.kind == SolidKind::Creased {
+    if options.drop_ghosts && !report.depth_guessed && options.kind == SolidKind::Creased {
         report.ghosts = phantoms::drop_ghosts(&mut slices, &directions, &sheet.ink_evidence());
     }
-    if options.parts && options.kind == SolidKind::Creased {
+    if options.parts && !report.depth_guessed && options.kind == SolidKind::Creased {
         let evidence = sheet.ink_evidence();
         report.parts = parts::cut_parts(&mut slices, &directions, &evidence, lattice.pitch_px);
     }
     steps.done(2, "slices")?;
     let (outlines, drawn) = outlines_of(sheet, &slices, &lattice, options, report);
     steps.done(3, "creases")?;
-    let mut field = field_of(lattice, outlines);
+    let mut field = match &directions[..] {
+        [front] if options.kind == SolidKind::Creased && !boxy => {
+            let rows: Vec<usize> = slices.iter().map(|slice| slice.row).collect();
+            guessed::inflated(front, &lattice, &rows)
+        }
+        _ => field_of(lattice, outlines),
+    };
     // The plain hull without cuts needs none.
-    let hulls = LazyCell::new(|| hull_planes(&lattice, &slices));
+    let hulls = LazyCell::new(|| hull::planes(&lattice, &slices));
     if options.fusion && options.kind == SolidKind::Creased && !input.depth_maps.is_empty() {
         let views =
             CarvingView::of_sheet(sheet, input.depth_maps, fusion::reach_px(&field.lattice));
@@ -280,7 +288,8 @@ fn full_mesh(
     let asks = options.prior != Switch::Off && options.kind == SolidKind::Creased;
     let (mesh, full_faces) = if asks {
         let has_depth = report.carving_views > 0;
-        let logits = learned::logits(sheet, input.views, observer)?;
+        let guessed = &bounding[directions.len()..];
+        let logits = learned::logits(sheet, input.views, guessed.first(), observer)?;
         let blended =
             learned::blend(&field, &hulls, &directions, &logits, has_depth, &drawn, apart);
         let with = surface(&blended);
@@ -339,82 +348,6 @@ fn support_of(mesh: &Mesh, input: &SolidInput, sheet: &SolidSheet) -> Vec<Suppor
     let mut rig = Rig::of_views(input.views);
     rig.viewpoints.extend(input.elevated.iter().map(|view| view.viewpoint));
     vertex_support(mesh, &rig, &witnesses)
-}
-
-/// Points around the visual hull of level views: the corners of its sections, turntable frame, px.
-///
-/// # Errors
-/// [`SolidError::TooFewDirections`] for views along one line.
-pub(crate) fn hull_points(
-    views: &ViewSet,
-    silhouettes: &Silhouettes,
-) -> Result<Vec<Point3<f64>>, SolidError> {
-    let outlines = silhouettes.silhouettes.iter();
-    let outlines = outlines.map(|found| Outline::from_silhouette(found, views.axis_px()));
-    let directions = solid_views::distinct(outlines);
-    if directions.len() < 2 {
-        return Err(SolidError::TooFewDirections { found: directions.len(), required: 2 });
-    }
-    let half_px = half_extent_px(&directions);
-    let mut points = Vec::new();
-    for row in 0..views.height() as usize {
-        let rows: Vec<_> = directions.iter().map(|outline| outline.row(row)).collect();
-        let z = views.origin_row_px() - row as f64 - 0.5;
-        for section in section::sections_of_row(&directions, &rows, half_px) {
-            points.extend(section.corners.iter().map(|corner| Point3::new(corner.x, corner.y, z)));
-        }
-    }
-    Ok(points)
-}
-
-/// The lattice that holds all that is inside every silhouette.
-fn lattice_of(
-    sheet: &SolidSheet,
-    directions: &[Outline],
-    options: &SolidOptions,
-) -> Result<Lattice, SolidError> {
-    let ranges: Option<Vec<_>> = directions.iter().map(Outline::row_range).collect();
-    let (first, last) = ranges
-        .ok_or(SolidError::NoCommonRow)?
-        .into_iter()
-        .fold((0, usize::MAX), |all, range| (all.0.max(range.0), all.1.min(range.1)));
-    if first >= last {
-        return Err(SolidError::NoCommonRow);
-    }
-    let half_px = half_extent_px(directions);
-    let longest_px = (last - first).max((half_px * 2.0) as usize) as f64;
-    let pitch_px = (longest_px / f64::from(options.resolution.clamp(16, 512))).max(1.0);
-    let across = (half_px * 2.0 / pitch_px).ceil() as usize + 1;
-    let up = ((last - first) as f64 / pitch_px).ceil() as usize;
-    let low_z = sheet.origin_row_px - last as f64 + pitch_px / 2.0;
-    let low = -(across as f64 - 1.0) / 2.0 * pitch_px;
-    Ok(Lattice {
-        origin: Point3::new(low, low, low_z),
-        pitch_px,
-        nodes: [across, across, up.max(1)],
-    })
-}
-
-/// Nothing that a view shows is farther from the axis than this, px.
-fn half_extent_px(directions: &[Outline]) -> f64 {
-    let reach = |outline: &Outline| {
-        outline.column_range().map_or(0.0, |(low, high)| high.abs().max(low.abs()))
-    };
-    directions.iter().map(reach).fold(1.0, f64::max)
-}
-
-fn slices_of(sheet: &SolidSheet, directions: &[Outline], lattice: &Lattice) -> Vec<Slice> {
-    use rayon::prelude::*;
-    let half_px = half_extent_px(directions);
-    (0..lattice.nodes[2])
-        .into_par_iter()
-        .map(|k| {
-            let row = (sheet.origin_row_px - lattice.z(k)).floor().max(0.0) as usize;
-            let rows: Vec<_> = directions.iter().map(|outline| outline.row(row)).collect();
-            let sections = section::sections_of_row(directions, &rows, half_px);
-            Slice { row, sections }
-        })
-        .collect()
 }
 
 /// The height over which ink along a crease is averaged, as a share of the subject's.
@@ -488,17 +421,6 @@ fn field_of(lattice: Lattice, outlines: Vec<SliceOutlines>) -> Field {
         plane
     });
     Field { lattice, planes: planes.collect() }
-}
-
-/// The sections of each slice as signed distances.
-fn hull_planes(lattice: &Lattice, slices: &[Slice]) -> Vec<Plane> {
-    use rayon::prelude::*;
-    let of_slice = |slice: &Slice| {
-        let sections = slice.sections.iter();
-        let polygons: Vec<_> = sections.map(|section| section.corners.clone()).collect();
-        Plane::of_polygons(lattice, &polygons)
-    };
-    slices.par_iter().map(of_slice).collect()
 }
 
 /// * `hulls`: of `slices`.

@@ -28,6 +28,8 @@ pub struct Solid {
 pub struct SolidReport {
     /// Directions that bound the solid, after joining opposite views.
     pub directions: usize,
+    /// Whether all views look along one line: how deep the subject is is a guess.
+    pub depth_guessed: bool,
     /// The plane that the drawings are symmetric about; `None` if they are not.
     pub symmetric_about: Option<MirrorPlane>,
     /// The plane that views were mirrored at; `None` if none were.
@@ -83,14 +85,6 @@ pub struct PriorReport {
 /// Why there is no solid.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SolidError {
-    /// All views look along one line, so that nothing bounds the depth.
-    #[error("the views look along {found} direction, {required} are required")]
-    TooFewDirections {
-        /// Directions that differ, opposite ones taken as one.
-        found: usize,
-        /// The fewest that bound a solid.
-        required: usize,
-    },
     /// No height is covered by every silhouette.
     #[error("the silhouettes have no row in common")]
     NoCommonRow,

@@ -398,19 +398,44 @@ impl Observer for StopAfterCreases {
 }
 
 #[test]
-fn says_why_there_is_no_solid() {
+fn front_and_back_alone_leave_the_depth_to_be_guessed() {
+    let parts = [
+        Part::Frustum((0.0, 0.0), (30.0, 30.0), (-60.0, 20.0)),
+        Part::Frustum((0.0, 0.0), (18.0, 18.0), (20.0, 60.0)),
+    ];
+    for prior in [Switch::Off, Switch::Auto] {
+        let options = SolidOptions { prior, ..SolidOptions::default() };
+        let solid = build_with(&parts, &[30.0, 210.0], &[], &options).unwrap();
+        assert!(solid.report.depth_guessed);
+        assert_eq!(check_manifold(&solid.mesh), Ok(()));
+        let along = |degrees: f64| {
+            let angle = degrees.to_radians();
+            let ends = solid.mesh.positions.iter().map(|p| p.x * angle.cos() + p.y * angle.sin());
+            let (low, high) = ends.fold((f64::MAX, f64::MIN), |(l, h), u| (l.min(u), h.max(u)));
+            high - low
+        };
+        assert!((along(30.0) - 60.0).abs() < 4.0, "{}", along(30.0));
+        // About as deep as broad, for nothing says otherwise.
+        assert!((30.0..110.0).contains(&along(120.0)), "{prior:?}: {}", along(120.0));
+    }
+    let sides = build_with(&parts, &[0.0, 90.0, 180.0], &[], &geometric()).unwrap();
+    assert!(!sides.report.depth_guessed);
+}
+
+#[test]
+fn a_box_of_front_and_back_keeps_its_walls() {
+    let block = [box_at(0.0, 0.0, (50.0, 30.0), 0.0, (-40.0, 40.0))];
+    let solid = build_with(&block, &[0.0, 180.0], &[], &geometric()).unwrap();
+    let (low, high) = solid.mesh.bounds().unwrap();
+    let size = high - low;
+    let filled = solid.mesh.signed_volume() / (size.x * size.y * size.z);
+    assert!(filled > 0.95, "{filled}");
+}
+
+#[test]
+fn stops_when_it_is_told_to() {
     let block = [box_at(0.0, 0.0, (50.0, 30.0), 0.0, (-40.0, 40.0))];
     let options = geometric();
-    assert_eq!(
-        build_with(
-            &block,
-            &[0.0, 180.0],
-            &[],
-            &SolidOptions { symmetry: Switch::Off, ..options.clone() }
-        )
-        .unwrap_err(),
-        SolidError::TooFewDirections { found: 1, required: 2 }
-    );
     let views = ViewSet::of_owned(vec![draw(&block, 0.0), draw(&block, 90.0)]).unwrap();
     let silhouettes = Silhouettes::of_views(&views, &SilhouetteOptions::default()).unwrap();
     let input = SolidInput {
