@@ -46,8 +46,9 @@ pub(super) fn branches(slices: &[Slice], directions: &[Outline]) -> Vec<Branch> 
     branches
 }
 
-/// The smallest overlap of two sections' extents over all directions.
-fn overlap(a: &Section, b: &Section, directions: &[Outline]) -> f64 {
+/// The smallest overlap of two sections' extents over all directions, share of both; below 0
+/// where they are apart in one.
+pub(super) fn overlap(a: &Section, b: &Section, directions: &[Outline]) -> f64 {
     directions
         .iter()
         .map(|direction| {

@@ -4,7 +4,7 @@
 //! side view it lies before the body, and the hull makes it as deep as that.
 //! The lines drawn on the body there are the arm's.
 
-use super::branches::{Branch, branches};
+use super::branches::{Branch, branches, overlap};
 use super::crease::{InkEvidence, Slice};
 use super::outline::{Outline, difference, length};
 use super::section::Section;
@@ -238,7 +238,8 @@ fn interpolated(steps: &[Vec<Pair>], path: &[(usize, usize)]) -> Vec<(f64, f64)>
         .collect()
 }
 
-/// Narrows the branch's sections to `ranges`, unless that uncovers silhouettes.
+/// Narrows the branch's sections to `ranges`, unless that uncovers silhouettes or leaves what
+/// it ended at hanging: a thigh is not a cape, though the cape covers it.
 fn cut(
     slices: &mut [Slice],
     branch: &Branch,
@@ -260,12 +261,38 @@ fn cut(
     if kept as f64 > MAX_KEPT * branch.len() as f64 {
         return false;
     }
+    let ends = [(branch.first(), narrowed.first()), (branch.last(), narrowed.last())];
+    let holds_on = |end: (Option<&(usize, usize)>, Option<&Option<Section>>)| match end {
+        (Some(&at), Some(Some(section))) => keeps_neighbours(slices, at, section, directions),
+        _ => true,
+    };
+    if !ends.into_iter().all(holds_on) {
+        return false;
+    }
     for (&(k, s), section) in branch.iter().zip(narrowed) {
         if let Some(section) = section {
             slices[k].sections[s] = section;
         }
     }
     true
+}
+
+/// Whether all that touches a section from above or below still touches something of its
+/// slice if it becomes `narrowed`.
+fn keeps_neighbours(
+    slices: &[Slice],
+    (k, index): (usize, usize),
+    narrowed: &Section,
+    directions: &[Outline],
+) -> bool {
+    let touch = |a: &Section, b: &Section| overlap(a, b, directions) > 0.0;
+    let own = &slices[k].sections;
+    let neighbours = [k.checked_sub(1), Some(k + 1)].into_iter().flatten();
+    neighbours.filter_map(|k| slices.get(k)).flat_map(|slice| &slice.sections).all(|other| {
+        let mut after = own.iter().enumerate();
+        !touch(&own[index], other)
+            || after.any(|(at, own)| touch(if at == index { narrowed } else { own }, other))
+    })
 }
 
 /// What the silhouettes lose in one slice if a section becomes `narrowed`, px.
