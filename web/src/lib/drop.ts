@@ -81,16 +81,17 @@ async function unzipped(archive: File): Promise<File[]> {
 export function filesOfSheet(document: unknown, files: File[]): File[] {
   const names = new Set<string>();
   const sheet = document as {
-    views?: Record<string, unknown>[];
+    views?: (Record<string, unknown> | null)[];
     truth?: Record<string, unknown> | null;
-  };
-  for (const view of sheet.views ?? []) {
+  } | null;
+  const views = Array.isArray(sheet?.views) ? sheet.views : [];
+  for (const view of views) {
     for (const key of ["image", "mask", "depth", "disparity"]) {
-      const name = view[key];
+      const name = view?.[key];
       if (typeof name === "string") names.add(last(name));
     }
   }
-  if (typeof sheet.truth?.["model"] === "string") names.add(last(sheet.truth["model"]));
+  if (typeof sheet?.truth?.["model"] === "string") names.add(last(sheet.truth["model"]));
   return files.filter((file) => names.has(last(file.name)));
 }
 
