@@ -18,8 +18,14 @@ const MOST_BYTES = 512 * 1024 * 1024;
 const last = (path: string) => path.replace(/^.*[/\\]/, "");
 const isHidden = (path: string) => /(^|[/\\])(\.|__MACOSX)/.test(path);
 
-/** What a page is called: its file's name, as far as the service takes it. */
-export function pageName(file: string): string {
+/** The path of an upload that is called so, if it is. */
+export function named(path: string, name: string | null | undefined): string {
+  const taken = nameOf(name ?? "");
+  return taken ? `${path}?${new URLSearchParams({ name: taken })}` : path;
+}
+
+/** What a page or draft is called: its file's name, as far as the service takes it. */
+export function nameOf(file: string): string {
   // 200 bytes at most, and letters of up to four.
   const plain = last(file).replace(/\p{Cc}/gu, " ").trim();
   return [...plain].slice(0, 50).join("");

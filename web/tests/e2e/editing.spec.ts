@@ -183,7 +183,8 @@ test("a sheet document is checked like other drawings, and used as it says", asy
   for (const { name, mimeType, buffer } of [described, ...files]) {
     form.append(name === "sheet.json" ? "sheet" : "image", new Blob([new Uint8Array(buffer)], { type: mimeType }), name);
   }
-  const { id: job } = await api<{ id: string }>("v1/reconstructions?reuse=false", { method: "POST", body: form });
+  form.append("reuse", "false");
+  const { id: job } = await api<{ id: string }>("v1/reconstructions", { method: "POST", body: form });
 
   const errors = await open(page);
   await give(page, [described, ...files]);
@@ -205,6 +206,8 @@ test("a sheet document is checked like other drawings, and used as it says", asy
   await expect(page.locator("input[id$='-seed']")).toHaveValue("3");
   await page.getByRole("button", { name: "Make the 3D draft of 4 views" }).click();
   await expect(page.getByTestId("state")).toHaveText("Done", { timeout: 90_000 });
+  const { reused_from: reused } = await api<{ reused_from?: string }>(`v1/reconstructions/${idOf(page)}`);
+  expect(reused ?? null).toBeNull();
   const bytes = async (of: string, name: string) => {
     const answer = await fetch(`${base()}v1/reconstructions/${of}/artifacts/${name}`);
     expect(answer.status).toBe(200);

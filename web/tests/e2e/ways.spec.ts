@@ -33,6 +33,7 @@ test("several drawings with their angles", async ({ page }) => {
   await page.getByRole("button", { name: /To the left/ }).last().click();
   await page.getByRole("button", { name: "Make the 3D draft of 3 views" }).click();
   await expect(page.getByTestId("state")).toHaveText("Done", { timeout: 90_000 });
+  await expect(page.getByRole("heading", { level: 1 })).toHaveText("view_000.png, view_045.png, view_090.png");
 });
 
 test("an archive with its sheet, and a model", async ({ page }) => {
