@@ -12,7 +12,6 @@ import {
   Mesh,
   MeshBasicMaterial,
   MeshLambertMaterial,
-  type MeshStandardMaterial,
   NotEqualStencilFunc,
   type Object3D,
   ReplaceStencilOp,
@@ -105,10 +104,10 @@ export async function loaded(files: DraftFiles): Promise<Draft> {
     }
   }
   for (const mesh of body.flatMap(meshesOf)) {
-    const material = mesh.material as MeshStandardMaterial;
-    // White paper in this light has no shades left.
-    material.color.set(PAPER);
-    Object.assign(material, MARKS_COVERED);
+    // The file's colours take no light, for renderers of all kinds; here the form is seen in shades.
+    const { map } = mesh.material as MeshBasicMaterial;
+    const flatShading = !mesh.geometry.hasAttribute("normal");
+    mesh.material = new MeshLambertMaterial({ map, color: PAPER, flatShading, ...MARKS_COVERED });
   }
   root.add(solid);
   if (textured) root.add(textured);
