@@ -4,8 +4,11 @@ import { defineConfig } from "@playwright/test";
 
 export default defineConfig({
   testDir: "tests/e2e",
-  // What is timed is measured when asked for, not each time.
-  testIgnore: process.env["SPEED"] ? [] : ["speed.spec.ts"],
+  // What is timed is measured when asked for, not each time; so are the README's pictures taken.
+  testIgnore: [
+    ...(process.env["SPEED"] ? [] : ["speed.spec.ts"]),
+    ...(process.env["PICTURES"] ? [] : ["pictures.spec.ts"]),
+  ],
   globalSetup: "./tests/e2e/service.ts",
   // One service and two processors for all of them.
   workers: 1,

@@ -234,8 +234,9 @@ pub(super) fn prepare(
         sheet.push(view);
     }
     for ((view, subject), place) in elevated.into_iter().zip(places) {
-        let (stays, by_hand) = (place == Transform::IDENTITY, is_by_hand(view.document));
-        let by_hand = by_hand || view.mask.is_some();
+        let canvas = (alignment.canvas.width, alignment.canvas.height);
+        let stays = place == Transform::IDENTITY && (!moves || view.drawing.dimensions() == canvas);
+        let by_hand = is_by_hand(view.document) || view.mask.is_some();
         let as_drawn = stays && !by_hand && is_clean(&subject) && is_opaque(&view.drawing);
         drawings.push(report(&view, &subject, as_drawn, by_hand));
         let laid = if stays { None } else { elevated::laid(&alignment, place, &view, &subject) };

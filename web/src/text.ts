@@ -224,6 +224,11 @@ export const text = {
     remove: "Leave {name} out",
     onePage: "Each of these is a whole page? Drop one at a time.",
     check: "Check the silhouettes",
+    sheetLead: "Angles, marks and masks are those of the sheet document.",
+    leftBehind: "The check has no place for {what}: they are used only if the sheet is sent as it is.",
+    truth: "true depths and models to measure against",
+    matches: "matches by hand",
+    and: " and ",
   },
   options: {
     title: "Options",

@@ -117,6 +117,7 @@ impl Searched {
             scale_by_hand: None,
             holes: Vec::new(),
             mask_given: false,
+            mask_with_outline: false,
             baseline_row: place.bottom,
             axis_column: (f64::from(place.left) + f64::from(place.right)) / 2.0,
             facing: 0.0,
@@ -186,6 +187,7 @@ impl Searched {
         (figure.polygon, figure.erase) = (edit.polygon, edit.erase);
         (figure.attach, figure.ignore) = (edit.attach, edit.ignore);
         figure.mask_given = mask.is_some();
+        figure.mask_with_outline = mask.is_some() && edit.mask_with_outline;
         if let Some(mask) = &mask {
             let wanted = figure.crop_size();
             if mask.dimensions() != wanted {

@@ -142,6 +142,11 @@ pub(in crate::http) struct PageFigure {
     pub holes: Vec<[f64; 2]>,
     /// Whether its mask was sent.
     pub mask_given: bool,
+    /// Whether the mask that was sent covers the outline's stroke, as masks that are found do;
+    /// else it ends in the stroke's middle.
+    #[serde(default)]
+    #[schema(required = true)]
+    pub mask_with_outline: bool,
     /// The row on which it stands: the first below it, or what `ground_y` says.
     pub baseline_row: u32,
     /// The column of its turning axis, or what `axis_x` says.
@@ -251,6 +256,7 @@ impl PageContent {
             ViewDocument {
                 image: format!("{prefix}{}", figure_file(index, "crop")),
                 azimuth_deg: figure.azimuth_deg,
+                mask_with_outline: mask.is_some() && figure.mask_with_outline,
                 mask,
                 polygon: figure.in_crop(&figure.polygon),
                 erase: figure.erase.iter().map(|area| figure.in_crop(area)).collect(),

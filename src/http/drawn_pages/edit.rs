@@ -111,6 +111,10 @@ pub(super) struct FigureEdit {
     /// as a part `mask[N]`, N from 0 in the order of this list.
     #[serde(default)]
     pub mask_given: bool,
+    /// Whether that mask covers the outline's stroke, as masks that are found do; else it ends in
+    /// the stroke's middle.
+    #[serde(default)]
+    pub mask_with_outline: bool,
     #[serde(default, rename = "crop")]
     #[schema(ignore)]
     _crop: IgnoredAny,

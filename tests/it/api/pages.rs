@@ -215,8 +215,24 @@ async fn masks_by_hand_are_kept_and_used() {
     let again: Value = put(&service, &edited).await.json().await.unwrap();
     assert_eq!(picture(&service, &again["figures"][1]["mask_picture"]).await.into_luma8(), upper);
     assert_eq!(again["sheet"]["views"].as_array().unwrap()[1]["mask"], "figures/1/mask.png");
+    // Whether it covers the outline's stroke is the sheet's to know, and goes with the mask.
+    let covers = |page: &Value, at: usize| {
+        let told = page["sheet"]["views"][at].get("mask_with_outline").is_some();
+        (told, page["figures"][at]["mask_with_outline"].clone())
+    };
+    assert_eq!(covers(&again, 1), (false, json!(false)));
+    let mut covering = again.clone();
+    covering["figures"][0]["mask_with_outline"] = json!(true);
+    covering["figures"][1]["mask_with_outline"] = json!(true);
+    let covering: Value = put(&service, &covering).await.json().await.unwrap();
+    assert_eq!(covers(&covering, 0), (false, json!(false)));
+    assert_eq!(covers(&covering, 1), (true, json!(true)));
+    let mut without = covering.clone();
+    without["figures"][1]["mask_given"] = json!(false);
+    let without: Value = put(&service, &without).await.json().await.unwrap();
+    assert_eq!(covers(&without, 1), (false, json!(false)));
     // One that was never sent cannot stay.
-    let mut claimed = again.clone();
+    let mut claimed = without.clone();
     claimed["figures"][0]["mask_given"] = json!(true);
     problem(put(&service, &claimed).await, 422, "invalid-page").await;
 }

@@ -18,8 +18,14 @@ const MOST_BYTES = 512 * 1024 * 1024;
 const last = (path: string) => path.replace(/^.*[/\\]/, "");
 const isHidden = (path: string) => /(^|[/\\])(\.|__MACOSX)/.test(path);
 
-/** What a page is called: its file's name, as far as the service takes it. */
-export function pageName(file: string): string {
+/** The path of an upload that is called so, if it is. */
+export function named(path: string, name: string | null | undefined): string {
+  const taken = nameOf(name ?? "");
+  return taken ? `${path}?${new URLSearchParams({ name: taken })}` : path;
+}
+
+/** What a page or draft is called: its file's name, as far as the service takes it. */
+export function nameOf(file: string): string {
   // 200 bytes at most, and letters of up to four.
   const plain = last(file).replace(/\p{Cc}/gu, " ").trim();
   return [...plain].slice(0, 50).join("");
@@ -81,16 +87,17 @@ async function unzipped(archive: File): Promise<File[]> {
 export function filesOfSheet(document: unknown, files: File[]): File[] {
   const names = new Set<string>();
   const sheet = document as {
-    views?: Record<string, unknown>[];
+    views?: (Record<string, unknown> | null)[];
     truth?: Record<string, unknown> | null;
-  };
-  for (const view of sheet.views ?? []) {
+  } | null;
+  const views = Array.isArray(sheet?.views) ? sheet.views : [];
+  for (const view of views) {
     for (const key of ["image", "mask", "depth", "disparity"]) {
-      const name = view[key];
+      const name = view?.[key];
       if (typeof name === "string") names.add(last(name));
     }
   }
-  if (typeof sheet.truth?.["model"] === "string") names.add(last(sheet.truth["model"]));
+  if (typeof sheet?.truth?.["model"] === "string") names.add(last(sheet.truth["model"]));
   return files.filter((file) => names.has(last(file.name)));
 }
 

@@ -67,6 +67,7 @@ export function newFigure(
     scale_by_hand: null,
     holes: [],
     mask_given: false,
+    mask_with_outline: false,
     baseline_row: box.bottom,
     axis_column: (box.left + box.right) / 2,
     facing: 0,

@@ -175,3 +175,12 @@ export function valuesOf(groups: Group[], options: unknown): Record<string, unkn
   }
   return values;
 }
+
+/** What of `options` the form has no field for: a misspelt name, for the service to refuse. */
+export function strangersOf(groups: Group[], options: unknown): Record<string, unknown> {
+  const names = groups.flatMap((group) => group.fields.map((one) => one.name));
+  const all = Object.entries(flattened(options));
+  return Object.fromEntries(
+    all.filter(([name]) => !names.some((known) => name === known || name.startsWith(`${known}.`))),
+  );
+}

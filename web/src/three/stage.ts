@@ -4,62 +4,37 @@
 import {
   AmbientLight,
   BufferGeometry,
-  CanvasTexture,
   Color,
   DirectionalLight,
-  DoubleSide,
-  EqualStencilFunc,
-  FrontSide,
   GridHelper,
-  Group,
   HemisphereLight,
   Line,
   LineBasicMaterial,
   type Material,
   Mesh,
-  MeshBasicMaterial,
-  MeshLambertMaterial,
-  NotEqualStencilFunc,
-  type Object3D,
   OrthographicCamera,
   PerspectiveCamera,
   Raycaster,
-  ReplaceStencilOp,
-  SRGBColorSpace,
   Scene,
   Spherical,
-  type Texture,
   Vector2,
   Vector3,
   WebGLRenderer,
-  Box3,
 } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
-import { GLTFLoader } from "three/examples/jsm/loaders/GLTFLoader.js";
-import { shaded } from "../lib/shade";
 import { type Viewpoint, planeName } from "../lib/viewpoint";
-
-export type Surface = "clay" | "confidence" | "drawings";
-
-/** The files of one draft. */
-export interface DraftFiles {
-  solid: ArrayBuffer;
-  textured: ArrayBuffer | null;
-}
-
-/** One draft on the stage, with every way to show it. */
-interface Draft {
-  root: Group;
-  clay: Mesh[];
-  textured: Object3D[];
-  /** Planes with the drawings, by names as `ref_045`. */
-  planes: Map<string, Mesh>;
-  height: number;
-  centre: Vector3;
-  radius: number;
-  /** The farthest from its turning axis, seen from above. */
-  reach: number;
-}
+import {
+  type Draft,
+  type DraftFiles,
+  type Look,
+  type Surface,
+  differences,
+  dress,
+  hasConfidence,
+  loaded,
+  undone,
+} from "./draft";
+import { Pace, isSoftware } from "./pace";
 
 export interface Colours {
   background: string;
@@ -68,40 +43,6 @@ export interface Colours {
 }
 
 const FOV = 32;
-/** Of pixels that the draft covers. */
-const COVERED = 1;
-const MARKS_COVERED = { stencilWrite: true, stencilRef: COVERED, stencilZPass: ReplaceStencilOp } as const;
-/** What is drawn and not in the draft, and the other way round. */
-const DRAWN_ONLY = [47, 107, 255, 255] as const;
-const DRAFT_ONLY = [224, 85, 27, 255] as const;
-const meshesOf = (root: Object3D): Mesh[] => {
-  const found: Mesh[] = [];
-  root.traverse((node) => {
-    if (node instanceof Mesh) found.push(node);
-  });
-  return found;
-};
-
-/** Whether 3D is drawn by the processor: smooth edges cost too much there. */
-function isSoftware(): boolean {
-  const probe = document.createElement("canvas").getContext("webgl");
-  const info = probe?.getExtension("WEBGL_debug_renderer_info");
-  const name = info ? String(probe?.getParameter(info.UNMASKED_RENDERER_WEBGL)) : "";
-  probe?.getExtension("WEBGL_lose_context")?.loseContext();
-  return /swiftshader|llvmpipe|software/i.test(name);
-}
-
-function textureOf(canvas: OffscreenCanvas): Texture {
-  const texture = new CanvasTexture(canvas);
-  texture.colorSpace = SRGBColorSpace;
-  // As glTF has its textures.
-  texture.flipY = false;
-  return texture;
-}
-
-async function parse(bytes: ArrayBuffer): Promise<Group> {
-  return (await new GLTFLoader().parseAsync(bytes, "")).scene;
-}
 
 export class Stage {
   #renderer: WebGLRenderer;
@@ -111,10 +52,8 @@ export class Stage {
   #controls: OrbitControls;
   #drafts: Draft[] = [];
   #isFlat = false;
-  #surface: Surface = "clay";
-  #wireframe = false;
+  #look: Look = { surface: "clay", wireframe: false, overlay: null };
   #turning = false;
-  #overlay: { view: Viewpoint; opacity: number } | null = null;
   /** Where the first draft ends and the second begins, share of the width. */
   #split: number | null = null;
   #difference: Mesh[] = [];
@@ -130,10 +69,7 @@ export class Stage {
   #last = 0;
   #observer: ResizeObserver;
   #down = new Vector2();
-  /** Share of the full resolution: less while frames are slow to draw. */
-  #sharpness = 1;
-  #slow = 0;
-  #rest = 0;
+  #pace = new Pace(() => this.#resize());
 
   constructor(
     readonly canvas: HTMLCanvasElement,
@@ -167,52 +103,9 @@ export class Stage {
 
   /** Puts a draft on the stage, beside one that is there already. */
   async add(files: DraftFiles): Promise<void> {
-    const solid = await parse(files.solid);
-    const textured = files.textured ? await parse(files.textured) : null;
-    const root = new Group();
-    const clay = meshesOf(solid);
-    const planes = new Map<string, Mesh>();
-    const body: Object3D[] = [];
-    for (const node of [...(textured?.children ?? [])]) {
-      if (!node.name.startsWith("ref_")) {
-        body.push(node);
-        continue;
-      }
-      for (const plane of meshesOf(node)) {
-        const map = (plane.material as MeshBasicMaterial).map as Texture | null;
-        plane.material = new MeshBasicMaterial({
-          map,
-          transparent: true,
-          depthTest: false,
-          depthWrite: false,
-          side: DoubleSide,
-        });
-        plane.renderOrder = 10;
-        plane.visible = false;
-        planes.set(node.name, plane);
-      }
-    }
-    for (const mesh of body.flatMap(meshesOf)) Object.assign(mesh.material, MARKS_COVERED);
-    root.add(solid);
-    if (textured) root.add(textured);
-    const box = new Box3();
-    for (const mesh of clay) box.expandByObject(mesh);
-    const size = box.getSize(new Vector3());
-    const draft: Draft = {
-      root,
-      clay,
-      textured: body,
-      planes,
-      height: size.y,
-      centre: box.getCenter(new Vector3()),
-      radius: size.length() / 2,
-      reach: Math.hypot(size.x, size.z) / 2,
-    };
-    for (const mesh of clay) {
-      mesh.userData["confidence"] = mesh.geometry.getAttribute("color");
-    }
+    const draft = await loaded(files);
     this.#drafts.push(draft);
-    this.#scene.add(root);
+    this.#scene.add(draft.root);
     if (this.#drafts.length === 1) {
       this.#buildGrid(draft);
       this.reset();
@@ -222,6 +115,11 @@ export class Stage {
 
   get hasTextures(): boolean {
     return this.#drafts.some((draft) => draft.textured.length > 0);
+  }
+
+  /** Whether a draft says how sure each place of it is. */
+  get hasConfidence(): boolean {
+    return this.#drafts.some(hasConfidence);
   }
 
   get #main(): Draft | undefined {
@@ -286,12 +184,12 @@ export class Stage {
   }
 
   setSurface(surface: Surface): void {
-    this.#surface = surface;
+    this.#look.surface = surface;
     this.#apply();
   }
 
   setWireframe(on: boolean): void {
-    this.#wireframe = on;
+    this.#look.wireframe = on;
     this.#apply();
   }
 
@@ -309,7 +207,7 @@ export class Stage {
 
   /** Lays the drawing of a view over the draft; null takes it away. */
   setOverlay(view: Viewpoint | null, opacity: number): void {
-    this.#overlay = view && { view, opacity };
+    this.#look.overlay = view && { view, opacity };
     this.#apply();
   }
 
@@ -319,33 +217,9 @@ export class Stage {
 
   /** Colours where the draft and the silhouette of a view's drawing differ; null ends it. */
   setDifference(shown: { view: Viewpoint; silhouette: ImageBitmap } | null): void {
-    for (const mesh of this.#difference) {
-      mesh.removeFromParent();
-      const material = mesh.material as MeshBasicMaterial;
-      material.map?.dispose();
-      material.dispose();
-    }
-    this.#difference = [];
+    undone(this.#difference);
     const plane = shown && this.#main?.planes.get(planeName(shown.view));
-    if (plane) {
-      for (const [inside, colour] of [[true, DRAWN_ONLY], [false, DRAFT_ONLY]] as const) {
-        const mesh = plane.clone();
-        mesh.visible = true;
-        mesh.renderOrder = 11;
-        mesh.material = new MeshBasicMaterial({
-          map: textureOf(shaded(shown.silhouette, colour, inside)),
-          transparent: true,
-          depthTest: false,
-          depthWrite: false,
-          side: DoubleSide,
-          stencilWrite: true,
-          stencilFunc: inside ? NotEqualStencilFunc : EqualStencilFunc,
-          stencilRef: COVERED,
-        });
-        plane.parent?.add(mesh);
-        this.#difference.push(mesh);
-      }
-    }
+    this.#difference = plane ? differences(plane, shown.silhouette) : [];
     this.invalidate();
   }
 
@@ -365,7 +239,7 @@ export class Stage {
 
   dispose(): void {
     cancelAnimationFrame(this.#frame);
-    clearTimeout(this.#rest);
+    this.#pace.dispose();
     this.#observer.disconnect();
     this.#controls.dispose();
     this.canvas.removeEventListener("pointerdown", this.#pointerDown);
@@ -396,13 +270,7 @@ export class Stage {
   #place(azimuth: number, polar: number): void {
     const draft = this.#main;
     if (!draft) return;
-    // All of it is seen: on narrow screens its width asks for more.
-    const half = (FOV * Math.PI) / 360;
-    const across = Math.atan(Math.tan(half) * Math.min(1, this.#perspective.aspect));
-    const distance = Math.max(
-      (draft.radius * 1.12) / Math.sin(half),
-      (draft.reach * 1.12) / Math.sin(across),
-    );
+    const distance = this.#distance(draft);
     const radians = (azimuth * Math.PI) / 180;
     const phi = (Math.min(179.99, Math.max(0.01, polar)) * Math.PI) / 180;
     const camera = this.#camera;
@@ -419,16 +287,29 @@ export class Stage {
     this.invalidate();
   }
 
+  /** From how far all of a draft is seen: on narrow screens its width asks for more. */
+  #distance(draft: Draft): number {
+    const half = (FOV * Math.PI) / 360;
+    const across = Math.atan(Math.tan(half) * Math.min(1, this.#perspective.aspect));
+    return Math.max((draft.radius * 1.12) / Math.sin(half), (draft.reach * 1.12) / Math.sin(across));
+  }
+
   #resize(): void {
     const host = this.canvas.parentElement ?? this.canvas;
     const width = Math.max(1, host.clientWidth);
     const height = Math.max(1, host.clientHeight);
-    this.#renderer.setPixelRatio(Math.min(devicePixelRatio, 2) * this.#sharpness);
+    this.#renderer.setPixelRatio(Math.min(devicePixelRatio, 2) * this.#pace.sharpness);
     this.#renderer.setSize(width, height, false);
     const aspect = width / height;
+    const draft = this.#main;
+    const before = draft && this.#distance(draft);
     this.#perspective.aspect = aspect;
     this.#perspective.updateProjectionMatrix();
-    const draft = this.#main;
+    // What was seen of it stays in sight.
+    if (draft && before) {
+      const { target } = this.#controls;
+      this.#perspective.position.sub(target).multiplyScalar(this.#distance(draft) / before).add(target);
+    }
     const half = draft ? Math.max(draft.radius * 1.05, (draft.radius * 1.05) / aspect) : 1;
     Object.assign(this.#flat, { left: -half * aspect, right: half * aspect, top: half, bottom: -half });
     this.#flat.updateProjectionMatrix();
@@ -450,56 +331,13 @@ export class Stage {
   }
 
   #apply(): void {
-    for (const draft of this.#drafts) {
-      const textured = this.#surface === "drawings" && draft.textured.length > 0;
-      for (const node of draft.textured) node.visible = textured;
-      for (const mesh of draft.clay) {
-        mesh.visible = !textured || this.#wireframe;
-        const colours = this.#surface === "confidence" ? mesh.userData["confidence"] : null;
-        if (colours) mesh.geometry.setAttribute("color", colours as never);
-        (mesh.material as Material).dispose();
-        mesh.material = new MeshLambertMaterial({
-          color: this.#surface === "confidence" ? 0xffffff : 0xcfd3dc,
-          vertexColors: Boolean(colours),
-          side: FrontSide,
-          wireframe: this.#wireframe,
-          flatShading: false,
-          ...MARKS_COVERED,
-        });
-      }
-      for (const [name, plane] of draft.planes) {
-        const shown =
-          this.#overlay !== null &&
-          name === planeName(this.#overlay.view) &&
-          this.#overlay.opacity > 0;
-        plane.visible = shown;
-        if (this.#overlay) (plane.material as MeshBasicMaterial).opacity = this.#overlay.opacity;
-      }
-    }
+    for (const draft of this.#drafts) dress(draft, this.#look);
     this.invalidate();
-  }
-
-  /** Fewer pixels while it moves on a slow machine, all of them at rest. */
-  #pace(now: number): void {
-    const passed = now - this.#last;
-    if (passed < 250) this.#slow = passed > 45 ? this.#slow + 1 : Math.max(0, this.#slow - 1);
-    if (this.#slow >= 4 && this.#sharpness > 0.5) {
-      this.#sharpness -= 0.25;
-      this.#slow = 0;
-      this.#resize();
-    }
-    clearTimeout(this.#rest);
-    if (this.#sharpness < 1) {
-      this.#rest = window.setTimeout(() => {
-        this.#sharpness = 1;
-        this.#resize();
-      }, 300);
-    }
   }
 
   #draw = (now: number): void => {
     this.#frame = 0;
-    this.#pace(now);
+    this.#pace.frame(now - this.#last);
     if (this.#turning) {
       const passed = Math.min(100, now - (this.#last || now));
       const offset = this.#camera.position.clone().sub(this.#controls.target);

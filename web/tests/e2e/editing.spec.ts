@@ -1,7 +1,7 @@
 // What is put right by hand reaches the service: places and marks of figures,
 // matches of pairs; and what is found again from the start.
 import { type Page, expect, test } from "@playwright/test";
-import { accessible, api, base, fileOf, finished, give, open, sheet } from "./help";
+import { accessible, api, base, fileOf, finished, give, matched, open, sheet } from "./help";
 
 interface Figure {
   axis_x: number | null;
@@ -14,7 +14,7 @@ interface Figure {
 
 /** The sheet that a page makes. */
 interface Made {
-  views: { axis_x?: number; erase?: number[][][]; ignore?: number[][]; mirrored?: boolean }[];
+  views: { axis_x?: number; erase?: number[][][]; ignore?: number[][]; mirrored?: boolean; mask_with_outline?: boolean }[];
   holes: { azimuth_deg: number }[];
 }
 
@@ -161,6 +161,64 @@ test("several drawings are checked and marked, and used as sent", async ({ page 
   expect(errors).toEqual([]);
 });
 
+test("a sheet document is checked like other drawings, and used as it says", async ({ page }) => {
+  const id = await sheet("0,45,90,180");
+  const files = await Promise.all(
+    ["view_000", "view_045", "view_090", "view_180", "mask_045", "mask_180"].map((name) => fileOf(id, `${name}.png`)),
+  );
+  const mask = { mask: "mask_045.png", mask_with_outline: true };
+  const document = {
+    name: "hero",
+    views: [
+      { image: "view_000.png", azimuth_deg: 0, axis_x: 486, ground_y: 500 },
+      { image: "view_045.png", azimuth_deg: 45, ...mask },
+      { image: "view_090.png", azimuth_deg: 90, erase: [[[0, 0], [40, 0], [40, 40]]], ignore: [[20, 300]] },
+      { image: "view_180.png", azimuth_deg: 180, mask: "mask_180.png" },
+    ],
+    holes: [{ azimuth_deg: 90, x: 480, y: 250 }],
+    options: { seed: 3, turntable: { solid: { target_faces: 3000 } } },
+  };
+  const described = { name: "sheet.json", mimeType: "application/json", buffer: Buffer.from(JSON.stringify(document)) };
+  const form = new FormData();
+  for (const { name, mimeType, buffer } of [described, ...files]) {
+    form.append(name === "sheet.json" ? "sheet" : "image", new Blob([new Uint8Array(buffer)], { type: mimeType }), name);
+  }
+  form.append("reuse", "false");
+  const { id: job } = await api<{ id: string }>("v1/reconstructions", { method: "POST", body: form });
+
+  const errors = await open(page);
+  await give(page, [described, ...files]);
+  await expect(page.getByRole("slider", { name: "Angle of figure 4" })).toHaveAttribute("aria-valuenow", "180");
+  await page.getByRole("button", { name: "Check the silhouettes" }).click();
+  await page.waitForURL(/#\/page\//);
+  const { sheet: made } = await api<{ sheet: Made }>(`v1/pages/${idOf(page)}`);
+  expect(made.views.map((view) => view.mask_with_outline ?? null)).toEqual([null, true, null, null]);
+  expect(made).toMatchObject({
+    views: [{ axis_x: 486, ground_y: 500 }, { azimuth_deg: 45 }, { ignore: [[20, 300]] }, { azimuth_deg: 180 }],
+    holes: [{ azimuth_deg: 90, x: 480, y: 250 }],
+  });
+  await accessible(page, "a sheet document checked");
+  // The options came along, and stay over a reload.
+  await page.reload();
+  await page.locator("summary", { hasText: /^Options$/ }).click();
+  await page.getByText("More options").click();
+  await page.getByLabel("Find an option").fill("seed");
+  await expect(page.locator("input[id$='-seed']")).toHaveValue("3");
+  await page.getByRole("button", { name: "Make the 3D draft of 4 views" }).click();
+  await expect(page.getByTestId("state")).toHaveText("Done", { timeout: 90_000 });
+  const { reused_from: reused } = await api<{ reused_from?: string }>(`v1/reconstructions/${idOf(page)}`);
+  expect(reused ?? null).toBeNull();
+  const bytes = async (of: string, name: string) => {
+    const answer = await fetch(`${base()}v1/reconstructions/${of}/artifacts/${name}`);
+    expect(answer.status).toBe(200);
+    return Buffer.from(await answer.arrayBuffer());
+  };
+  for (const name of ["solid.glb", "solid.obj", "textured.glb", "views/45/silhouette.png"]) {
+    expect((await bytes(job, name)).equals(await bytes(idOf(page), name)), name).toBe(true);
+  }
+  expect(errors).toEqual([]);
+});
+
 test("pages are found again, and files are linked to", async ({ page, context, request }) => {
   await openPage(page);
   const id = idOf(page);
@@ -178,24 +236,6 @@ test("pages are found again, and files are linked to", async ({ page, context, r
   const answer = await request.get(link);
   expect((await answer.body()).subarray(0, 4).toString()).toBe("glTF");
 });
-
-/** A finished job of the method with matches. */
-async function matched(): Promise<string> {
-  const azimuths = [0, 5, 10];
-  const id = await sheet(azimuths.join(","));
-  const form = new FormData();
-  for (const azimuth of azimuths) {
-    const file = await fileOf(id, `view_${String(azimuth).padStart(3, "0")}.png`);
-    form.append(`view[${azimuth}]`, new Blob([new Uint8Array(file.buffer)]), file.name);
-  }
-  form.append("method", "uncalibrated");
-  let job = await api<{ id: string; state: string; failure: unknown }>("v1/reconstructions", { method: "POST", body: form });
-  while (job.state === "queued" || job.state === "running") {
-    job = await api(`v1/reconstructions/${job.id}`, { headers: { Prefer: "wait=20" } });
-  }
-  expect(job.state, JSON.stringify(job.failure)).toBe("succeeded");
-  return job.id;
-}
 
 interface Told {
   matches: { left: number[]; right: number[] }[];

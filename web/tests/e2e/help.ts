@@ -52,6 +52,41 @@ export async function finished(): Promise<string> {
   return job.id;
 }
 
+/** A finished job of the method with matches. */
+export async function matched(): Promise<string> {
+  const azimuths = [0, 5, 10];
+  const id = await sheet(azimuths.join(","));
+  const form = new FormData();
+  for (const azimuth of azimuths) {
+    const file = await fileOf(id, `view_${String(azimuth).padStart(3, "0")}.png`);
+    form.append(`view[${azimuth}]`, new Blob([new Uint8Array(file.buffer)]), file.name);
+  }
+  form.append("method", "uncalibrated");
+  let job = await api<{ id: string; state: string; failure: unknown }>("v1/reconstructions", { method: "POST", body: form });
+  while (job.state === "queued" || job.state === "running") {
+    job = await api(`v1/reconstructions/${job.id}`, { headers: { Prefer: "wait=20" } });
+  }
+  expect(job.state, JSON.stringify(job.failure)).toBe("succeeded");
+  return job.id;
+}
+
+/** A job that takes long: many views, a fine solid. */
+export async function slow(): Promise<string> {
+  const id = await sheet("0:90:10,180");
+  const form = new FormData();
+  const document = await (await fetch(`${base()}v1/sheets/${id}/artifacts/sheet.json`)).text();
+  const parsed = JSON.parse(document) as { views: { image: string; depth?: string }[]; truth?: unknown };
+  delete parsed.truth;
+  for (const view of parsed.views) {
+    delete view.depth;
+    const file = await fileOf(id, view.image);
+    form.append("image", new Blob([new Uint8Array(file.buffer)]), view.image);
+  }
+  form.append("sheet", new Blob([JSON.stringify(parsed)], { type: "application/json" }));
+  form.append("turntable.solid.resolution", "400");
+  return (await api<{ id: string }>("v1/reconstructions", { method: "POST", body: form })).id;
+}
+
 /** Gives files to the page as the file picker does. */
 export async function give(page: Page, files: Awaited<ReturnType<typeof fileOf>>[]) {
   await page.getByTestId("files").setInputFiles(files);

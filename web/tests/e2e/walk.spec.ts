@@ -37,7 +37,7 @@ test("a dropped page becomes a model on screen and a file on disk", async ({ pag
   // A box by keys: its silhouette is found anew.
   const box = page.getByRole("button", { name: "Figure 4 at 180 degrees" });
   const before = await box.getAttribute("height");
-  await box.focus();
+  await box.press("Enter");
   await page.getByRole("button", { name: "Corner of figure 4: bottom right" }).press("ArrowDown");
   await expect(box).not.toHaveAttribute("height", before ?? "");
   await expect(page.getByTestId("saved")).toHaveText("Up to date");

@@ -3,30 +3,13 @@ import { createServer, request as forward } from "node:http";
 import type { AddressInfo } from "node:net";
 import { expect, test } from "@playwright/test";
 import { zipSync } from "fflate";
-import { STAGE, accessible, api, base, fileOf, finished, give, open, sheet } from "./help";
+import { STAGE, accessible, api, base, fileOf, finished, give, open, sheet, slow } from "./help";
 
 const text = (name: string, content: string, mimeType = "text/plain") => ({
   name,
   mimeType,
   buffer: Buffer.from(content),
 });
-
-/** A job that takes long: many views, a fine solid. */
-async function slow(): Promise<string> {
-  const id = await sheet("0:90:10,180");
-  const form = new FormData();
-  const document = await (await fetch(`${base()}v1/sheets/${id}/artifacts/sheet.json`)).text();
-  const parsed = JSON.parse(document) as { views: { image: string; depth?: string }[]; truth?: unknown };
-  delete parsed.truth;
-  for (const view of parsed.views) {
-    delete view.depth;
-    const file = await fileOf(id, view.image);
-    form.append("image", new Blob([new Uint8Array(file.buffer)]), view.image);
-  }
-  form.append("sheet", new Blob([JSON.stringify(parsed)], { type: "application/json" }));
-  form.append("turntable.solid.resolution", "400");
-  return (await api<{ id: string }>("v1/reconstructions", { method: "POST", body: form })).id;
-}
 
 test("several drawings with their angles", async ({ page }) => {
   const id = await sheet("0,45,90,180");
@@ -50,6 +33,7 @@ test("several drawings with their angles", async ({ page }) => {
   await page.getByRole("button", { name: /To the left/ }).last().click();
   await page.getByRole("button", { name: "Make the 3D draft of 3 views" }).click();
   await expect(page.getByTestId("state")).toHaveText("Done", { timeout: 90_000 });
+  await expect(page.getByRole("heading", { level: 1 })).toHaveText("view_000.png, view_045.png, view_090.png");
 });
 
 test("an archive with its sheet, and a model", async ({ page }) => {
@@ -59,6 +43,9 @@ test("an archive with its sheet, and a model", async ({ page }) => {
   const files = await Promise.all(names.map((name) => fileOf(id, name)));
   const zip = zipSync(Object.fromEntries(files.map((file) => [`folder/${file.name}`, new Uint8Array(file.buffer)])));
   await give(page, [{ name: "sheet.zip", mimeType: "application/zip", buffer: Buffer.from(zip) }]);
+  await expect(page.getByText("true depths and models to measure against")).toBeVisible();
+  await accessible(page, "a sheet document");
+  await page.getByRole("button", { name: "Make the 3D draft of 4 views" }).click();
   await page.waitForURL(/#\/job\//);
   await expect(page.getByTestId("state")).toHaveText("Done", { timeout: 90_000 });
 
@@ -80,6 +67,11 @@ test("what cannot be used is said at its place", async ({ page }) => {
   await expect(page.getByRole("alert")).toContainText("None of these files can be used");
   await give(page, [text("sheet.zip", "x", "application/zip")]);
   await expect(page.getByRole("alert")).toContainText("This archive cannot be read");
+  // A sheet document is the service's to judge.
+  await give(page, [text("sheet.json", "{", "application/json")]);
+  await expect(page.getByRole("alert")).toContainText("At sheet:");
+  await give(page, [text("sheet.json", '{"views": [{"image": "a.png", "azimuth_deg": 0}, {"image": "b.png", "azimuth_deg": 90}]}')]);
+  await expect(page.getByRole("alert")).toContainText("no such file was sent");
   await page.goto(`${base()}#/job/01890000-0000-7000-8000-000000000000`);
   await expect(page.getByRole("alert")).toContainText("There is no such reconstruction");
   await accessible(page, "nothing there");

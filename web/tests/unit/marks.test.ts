@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import { levelOf, newFigure, twins } from "../../src/lib/figure";
-import { pageName } from "../../src/lib/drop";
+import { named, nameOf } from "../../src/lib/drop";
 import { type Marks, inBox, listed, onPicture, withArea, withPoint, without } from "../../src/lib/marks";
 
 const none: Marks = { attach: [], ignore: [], holes: [], erase: [], polygon: [] };
@@ -58,8 +58,9 @@ describe("views that cannot be used together", () => {
 
 describe("the name of a page", () => {
   it("is that of its file, within what the service takes", () => {
-    expect(pageName("folder/ida turn.png")).toBe("ida turn.png");
-    expect(pageName("a\u0007b\n.png")).toBe("a b .png");
-    expect(new TextEncoder().encode(pageName("𝕏".repeat(300))).length).toBe(200);
+    expect([named("v1/pages", "a b.png"), named("v1/pages", null)]).toEqual(["v1/pages?name=a+b.png", "v1/pages"]);
+    expect(nameOf("folder/ida turn.png")).toBe("ida turn.png");
+    expect(nameOf("a\u0007b\n.png")).toBe("a b .png");
+    expect(new TextEncoder().encode(nameOf("𝕏".repeat(300))).length).toBe(200);
   });
 });

@@ -28,14 +28,16 @@ pub fn apply(alignment: &Alignment, views: &[View<'_>]) -> Vec<Aligned> {
     pairs
         .map(|(found, view)| {
             let subject = view.subject;
-            if found.transform == Transform::IDENTITY {
+            let (width, height) = subject.mask.dimensions();
+            let canvas = (alignment.canvas.width, alignment.canvas.height);
+            // A canvas that grew below has its views where they were, and more rows.
+            if found.transform == Transform::IDENTITY && canvas == (width, height) {
                 return Aligned {
                     mask: subject.mask.clone(),
                     ink: subject.ink.clone(),
                     colour: subject.colour.clone(),
                 };
             }
-            let (width, height) = subject.mask.dimensions();
             let grid = Grid::new(&alignment.canvas, &found.transform, width, height);
             let mut mask = grid.resampled::<1>(subject.mask.as_raw(), [0.0]);
             mask.iter_mut().for_each(|level| *level = if *level >= 128 { 255 } else { 0 });
@@ -44,7 +46,7 @@ pub fn apply(alignment: &Alignment, views: &[View<'_>]) -> Vec<Aligned> {
             for (pixel, mask) in colour.chunks_exact_mut(4).zip(&mask) {
                 pixel[3] = *mask;
             }
-            let (width, height) = (alignment.canvas.width, alignment.canvas.height);
+            let (width, height) = canvas;
             Aligned {
                 mask: GrayImage::from_raw(width, height, mask).unwrap_or_default(),
                 ink: GrayImage::from_raw(width, height, ink).unwrap_or_default(),

@@ -194,3 +194,19 @@ fn the_canvas_grows_for_what_is_placed_beyond_it() {
     place_by_hand(&mut alignment, &views, &hands);
     assert!(alignment.canvas.width <= 2 * SIZE.0 && alignment.canvas.height <= 2 * SIZE.1);
 }
+
+#[test]
+fn all_views_are_as_large_as_a_canvas_that_grew_below() {
+    let subjects = clean();
+    let views = views(&AZIMUTHS, &subjects);
+    let mut alignment = align(&views, &AlignOptions::default());
+    let mut hands = [ByHand::default(); 4];
+    // It stands so far up in its drawing that its feet reach beyond.
+    hands[0].ground_y = Some(alignment.views[0].rows[1] - 60.0);
+    place_by_hand(&mut alignment, &views, &hands);
+    let (canvas, stays) = (alignment.canvas, alignment.views[1].transform);
+    assert!(canvas.height > SIZE.1 && stays == Transform::IDENTITY, "{canvas:?}, {stays:?}");
+    for laid in apply(&alignment, &views) {
+        assert_eq!(laid.mask.dimensions(), (canvas.width, canvas.height));
+    }
+}
