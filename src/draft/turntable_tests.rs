@@ -336,9 +336,6 @@ fn unsuitable_views_are_refused_with_a_remedy() {
     let (document, files) = boxes(&[0.0]);
     assert_eq!(input_error(&document, &files).0, "too_few_views");
 
-    let (document, files) = boxes(&[0.0, 180.0]);
-    assert_eq!(input_error(&document, &files).0, "too_few_directions");
-
     let (mut document, files) = boxes(&[0.0, 90.0]);
     document.views[1].elevation_deg = Some(30.0);
     assert_eq!(input_error(&document, &files).0, "too_few_views");

@@ -310,3 +310,27 @@ fn uncovered_px(slice: &Slice, index: usize, narrowed: &Section, directions: &[O
     };
     directions.iter().map(lost).fold(0.0, f64::max)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::section::sections_of_row;
+    use super::*;
+
+    #[test]
+    fn a_part_is_not_cut_from_what_hangs_on_it() {
+        let directions = [0.0, 90.0_f64]
+            .map(|degrees| Outline { azimuth_rad: degrees.to_radians(), rows: Vec::new() });
+        // Leg and cape as the hull has them: one block, 30 px deep; below, the leg alone.
+        let at = |side: &[(f64, f64)]| Slice {
+            row: 0,
+            sections: sections_of_row(&directions, &[&[(-5.0, 5.0)], side], 100.0),
+        };
+        let slices = [at(&[(-10.0, 0.0)]), at(&[(-10.0, 20.0)])];
+        let keeps = |range: (f64, f64)| {
+            let narrowed = slices[1].sections[0].narrowed(&directions[1], 1, range).unwrap();
+            keeps_neighbours(&slices, (1, 0), &narrowed, &directions)
+        };
+        assert!(keeps((-10.0, 0.0)), "the leg");
+        assert!(!keeps((15.0, 20.0)), "the cape");
+    }
+}
