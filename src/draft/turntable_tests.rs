@@ -111,6 +111,13 @@ fn front_and_back_alone_make_a_draft_that_says_its_depth_is_a_guess() {
     assert_eq!(metrics["mesh"]["watertight"], true);
     let said = "views 0 and 180 look along one line";
     assert!(summary.warnings.iter().any(|w| w.starts_with(said)), "{summary:?}");
+    // One from above cannot be placed on what is a guess.
+    let (mut document, files) = boxes(&[0.0, 180.0, 90.0]);
+    document.views[2].elevation_deg = Some(90.0);
+    let (summary, _) = run(&document, &files, 2, &Silent).unwrap();
+    for said in [said, "views from above and below are left out"] {
+        assert!(summary.warnings.iter().any(|w| w.starts_with(said)), "{summary:?}");
+    }
 }
 
 #[test]

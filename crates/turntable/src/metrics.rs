@@ -131,11 +131,18 @@ fn warnings(
 ) -> Vec<String> {
     let mut warnings: Vec<String> = Vec::new();
     if solid.depth_guessed {
-        let named: Vec<&str> = views.iter().map(|view| view.name.as_str()).collect();
+        let level = views.iter().filter(|view| view.elevation_deg == 0.0);
+        let named: Vec<&str> = level.map(|view| view.name.as_str()).collect();
         warnings.push(format!(
             "views {} look along one line: how deep the subject is there is a guess; add a view from another side, such as 90 or 45, or correct the angles",
             named.join(" and ")
         ));
+        if named.len() < views.len() {
+            warnings.push(
+                "views from above and below are left out of the solid: they cut what drawings from two sides leave"
+                    .to_owned(),
+            );
+        }
     }
     warnings.extend(fit.iter().filter_map(ViewFit::warning));
     for view in views {

@@ -233,7 +233,9 @@ fn full_mesh(
     let lattice = hull::lattice_of(sheet, &bounding, options)?;
     report.pitch_px = lattice.pitch_px;
     let rig = Rig::of_views(input.views);
-    let cuts = input.elevated.iter().map(|view| Cut::new(view, &rig, input.hole_hints));
+    // Where a guessed depth begins says nothing of where a view from above lies.
+    let elevated = if report.depth_guessed { &[][..] } else { input.elevated };
+    let cuts = elevated.iter().map(|view| Cut::new(view, &rig, input.hole_hints));
     let cuts: Vec<Cut> = cuts.collect();
     if options.kind == SolidKind::Voxel {
         steps.done(4, "field")?;
