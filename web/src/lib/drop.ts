@@ -15,7 +15,8 @@ const ZIP = /\.zip$/i;
 /** More than this unpacked is no sheet. */
 const MOST_BYTES = 512 * 1024 * 1024;
 
-const last = (path: string) => path.replace(/^.*[/\\]/, "");
+/** The name at the end of a path. */
+export const last = (path: string) => path.replace(/^.*[/\\]/, "");
 const isHidden = (path: string) => /(^|[/\\])(\.|__MACOSX)/.test(path);
 
 /** The path of an upload that is called so, if it is. */

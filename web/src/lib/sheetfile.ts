@@ -3,6 +3,7 @@
 
 import type { FigureEdit, SheetDocument } from "../api/types";
 import { turned } from "./azimuth";
+import { last } from "./drop";
 
 /** A document as it is written: nothing of it has to be there. */
 export type SheetFile = Partial<Omit<SheetDocument, "options">> & { options?: Record<string, unknown> };
@@ -25,8 +26,6 @@ export interface DroppedViews {
   files: File[];
   sheet?: { document: SheetFile; views: SheetView[] };
 }
-
-const last = (path: string) => path.replace(/^.*[/\\]/, "");
 
 /** The views of a document with their files; null if it is for the service to say what is wrong
     with it, or to fetch what it names. */

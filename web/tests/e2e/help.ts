@@ -87,6 +87,21 @@ export async function slow(): Promise<string> {
   return (await api<{ id: string }>("v1/reconstructions", { method: "POST", body: form })).id;
 }
 
+/** Opens a job that waits for one that runs; the id of that. */
+export async function openWaiting(page: Page): Promise<string> {
+  const running = await slow();
+  const queued = await slow();
+  await open(page, `#/job/${queued}`);
+  await expect(page.getByTestId("state")).toHaveText("Waiting");
+  return running;
+}
+
+/** Goes on to a job that runs. */
+export async function gotoRunning(page: Page, id: string) {
+  await page.goto(`${base()}#/job/${id}`);
+  await expect(page.getByTestId("state")).toHaveText("Running");
+}
+
 /** Gives files to the page as the file picker does. */
 export async function give(page: Page, files: Awaited<ReturnType<typeof fileOf>>[]) {
   await page.getByTestId("files").setInputFiles(files);

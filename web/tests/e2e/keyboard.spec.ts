@@ -1,7 +1,21 @@
 // Everything by keys: what can be reached, what is seen to be, and a way to do
 // what the pointer does by dragging.
 import { type Page, expect, test } from "@playwright/test";
-import { STAGE, api, base, differing, fileOf, finished, give, matched, open, pixels, sheet, slow } from "./help";
+import {
+  STAGE,
+  api,
+  base,
+  differing,
+  fileOf,
+  finished,
+  give,
+  gotoRunning,
+  matched,
+  open,
+  openWaiting,
+  pixels,
+  sheet,
+} from "./help";
 import { walk } from "./keys";
 
 const idOf = (page: Page) => /(?:page|job)\/(.*)$/.exec(page.url())?.[1] ?? "";
@@ -114,15 +128,11 @@ test("what is dragged is moved by keys", async ({ page }) => {
 });
 
 test("a job that waits, runs, is cancelled and fails", async ({ page }) => {
-  const running = await slow();
-  const queued = await slow();
-  await open(page, `#/job/${queued}`);
-  await expect(page.getByTestId("state")).toHaveText("Waiting");
+  const running = await openWaiting(page);
   await walk(page, "waiting");
   await page.getByRole("button", { name: "Cancel" }).press("Enter");
   await expect(page.getByTestId("state")).toHaveText("Cancelled");
-  await page.goto(`${base()}#/job/${running}`);
-  await expect(page.getByTestId("state")).toHaveText("Running");
+  await gotoRunning(page, running);
   await walk(page, "running");
   await page.getByRole("button", { name: "Cancel" }).press("Enter");
   await expect(page.getByTestId("state")).toHaveText("Cancelled");

@@ -3,7 +3,7 @@ import { createServer, request as forward } from "node:http";
 import type { AddressInfo } from "node:net";
 import { expect, test } from "@playwright/test";
 import { zipSync } from "fflate";
-import { STAGE, accessible, api, base, fileOf, finished, give, open, sheet, slow } from "./help";
+import { STAGE, accessible, api, base, fileOf, finished, give, gotoRunning, open, openWaiting, sheet, slow } from "./help";
 
 const text = (name: string, content: string, mimeType = "text/plain") => ({
   name,
@@ -78,15 +78,11 @@ test("what cannot be used is said at its place", async ({ page }) => {
 });
 
 test("cancel, several at once, and run again", async ({ page }) => {
-  const running = await slow();
-  const queued = await slow();
-  await open(page, `#/job/${queued}`);
-  await expect(page.getByTestId("state")).toHaveText("Waiting");
+  const running = await openWaiting(page);
   await accessible(page, "waiting");
   await page.getByRole("button", { name: "Cancel" }).click();
   await expect(page.getByTestId("state")).toHaveText("Cancelled");
-  await page.goto(`${base()}#/job/${running}`);
-  await expect(page.getByTestId("state")).toHaveText("Running");
+  await gotoRunning(page, running);
   await accessible(page, "running");
   await page.getByRole("button", { name: "Cancel" }).click();
   await expect(page.getByTestId("state")).toHaveText("Cancelled");
