@@ -31,6 +31,7 @@ mod state;
 mod streams;
 mod tags;
 mod telemetry;
+mod unread;
 mod upload;
 mod wait;
 mod web;

@@ -20,8 +20,8 @@ use super::openapi::Description;
 use super::problem::{METHOD_NOT_ALLOWED, NOT_FOUND, Problem};
 use super::state::{Api, ApiState};
 use super::{
-    HttpLimits, access, drawn_pages, guard, health, links, pages, reconstructions, sheets, web,
-    webhooks,
+    HttpLimits, access, drawn_pages, guard, health, links, pages, reconstructions, sheets, unread,
+    web, webhooks,
 };
 
 /// The whole interface over `state`.
@@ -53,7 +53,9 @@ pub fn router(state: ApiState, limits: &HttpLimits) -> Router {
         .layer(DefaultBodyLimit::max(64 << 10))
         .layer(gate)
         .layer(guard);
-    layers::wrap(router, cors).with_state(Api::new(state, *limits))
+    // A body over its limit is likely to be about as large as that again.
+    let unread = from_fn_with_state(limits.max_body_bytes.saturating_mul(2), unread::drain);
+    layers::wrap(router, cors).layer(unread).with_state(Api::new(state, *limits))
 }
 
 /// Every described route.

@@ -4,7 +4,6 @@ use std::error::Error;
 use std::pin::Pin;
 use std::sync::Arc;
 use std::task::{Context, Poll};
-use std::time::Duration;
 
 use axum::body::{Body, BodyDataStream};
 use bytes::Bytes;
@@ -13,9 +12,6 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tower_http::timeout::TimeoutError;
 
 use crate::http::problem::{BODY_TOO_LARGE, MALFORMED_MULTIPART, Problem, REQUEST_TIMEOUT};
-
-/// How long a refused upload is read on, so that its client gets the answer.
-const DRAIN_TIME: Duration = Duration::from_secs(5);
 
 const BUSY: &str = "too many uploads are being received; try again later";
 
@@ -81,23 +77,6 @@ impl Intake {
     /// The hold on the budget, to be kept as long as the bytes.
     pub(super) fn into_hold(self) -> Option<OwnedSemaphorePermit> {
         self.held
-    }
-
-    /// Throws away the rest of the body. A server that answers and closes while
-    /// the client still sends resets the connection, and the answer is lost.
-    pub(super) async fn drain(mut self) {
-        self.held = None;
-        // A body over its limit is likely to be about as large as that again.
-        let mut left = self.limit.saturating_mul(2);
-        let _ = tokio::time::timeout(DRAIN_TIME, async {
-            while let Some(Ok(chunk)) = self.body.next().await {
-                left = left.saturating_sub(chunk.len() as u64);
-                if left == 0 {
-                    break;
-                }
-            }
-        })
-        .await;
     }
 }
 

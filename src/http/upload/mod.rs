@@ -176,20 +176,9 @@ async fn read_form<F: Form>(
 ) -> Result<(F, Option<OwnedSemaphorePermit>), Problem> {
     let limit = api.limits.max_body_bytes;
     let mut intake = Intake::new(body, limit, api.budget.clone());
-    let read = match check_head(headers, limit) {
-        Ok(boundary) => parts::read(Multipart::new(&mut intake, boundary), &api.limits).await,
-        Err(problem) => Err(problem),
-    };
-    match read {
-        Ok(form) => Ok((form, intake.into_hold())),
-        Err(problem) => {
-            // A client that waits for 100 Continue sends nothing after this.
-            if !headers.contains_key(header::EXPECT) {
-                intake.drain().await;
-            }
-            Err(problem)
-        }
-    }
+    let boundary = check_head(headers, limit)?;
+    let form = parts::read(Multipart::new(&mut intake, boundary), &api.limits).await?;
+    Ok((form, intake.into_hold()))
 }
 
 /// Checks what the header says of the body. Returns the multipart boundary.

@@ -59,6 +59,28 @@ async fn uploads_are_refused_while_the_disk_is_about_full() {
 }
 
 #[tokio::test]
+async fn a_refused_upload_leaves_its_connection_in_order() {
+    let limits = HttpLimits { min_free_bytes: u64::MAX, ..HttpLimits::default() };
+    let service = with_limits(limits).await;
+    let mut connection = TcpStream::connect(&service.url["http://".len()..]).await.unwrap();
+    let body = "x".repeat(300_000);
+    let head = format!(
+        "POST /v1/reconstructions HTTP/1.1\r\nHost: a\r\nContent-Length: {}\r\n\r\n",
+        body.len()
+    );
+    // Half of the body comes late, when the answer is long known.
+    connection.write_all(format!("{head}{}", &body[..150_000]).as_bytes()).await.unwrap();
+    tokio::time::sleep(Duration::from_millis(100)).await;
+    connection.write_all(&body.as_bytes()[150_000..]).await.unwrap();
+    let next = b"GET /health/live HTTP/1.1\r\nHost: a\r\nConnection: close\r\n\r\n";
+    connection.write_all(next).await.unwrap();
+    let mut answers = String::new();
+    connection.read_to_string(&mut answers).await.unwrap();
+    assert!(answers.starts_with("HTTP/1.1 507 "), "{answers}");
+    assert!(answers.contains("HTTP/1.1 200 "), "{answers}");
+}
+
+#[tokio::test]
 async fn one_that_stops_takes_no_uploads_and_is_not_ready() {
     let service = Service::start().await;
     service.draining.cancel();
