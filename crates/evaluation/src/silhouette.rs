@@ -102,7 +102,9 @@ impl Silhouette {
     fn new(mask: &GrayImage) -> Self {
         let (width, height) = (mask.width() as usize, mask.height() as usize);
         let inside: Vec<bool> = mask.as_raw().iter().map(|&value| value > 127).collect();
-        let outside = reachable_background(&inside, width, height);
+        // Background connected with the picture's border over edges of pixels.
+        let background = inside.iter().map(|inside| !inside).collect();
+        let outside = picture::flooded(width, background, picture::border(width, height));
         let filled = outside.iter().map(|outside| !outside).collect();
         let holes = outside.iter().zip(&inside).map(|(outside, inside)| !outside && !inside);
         Self { width, height, holes: holes.collect(), filled }
@@ -125,28 +127,6 @@ impl Silhouette {
         let back = mean_distance_px(&theirs, &ours)?;
         Some((there + back) / 2.0)
     }
-}
-
-/// Background connected with the picture's border over edges of pixels.
-fn reachable_background(inside: &[bool], width: usize, height: usize) -> Vec<bool> {
-    let mut reached = vec![false; inside.len()];
-    let border = (0..width)
-        .flat_map(|x| [(x, 0), (x, height - 1)])
-        .chain((0..height).flat_map(|y| [(0, y), (width - 1, y)]));
-    let mut open: Vec<(usize, usize)> =
-        if inside.is_empty() { Vec::new() } else { border.collect() };
-    while let Some((x, y)) = open.pop() {
-        let index = y * width + x;
-        if inside[index] || std::mem::replace(&mut reached[index], true) {
-            continue;
-        }
-        let left = x.checked_sub(1).map(|x| (x, y));
-        let up = y.checked_sub(1).map(|y| (x, y));
-        let right = (x + 1 < width).then_some((x + 1, y));
-        let down = (y + 1 < height).then_some((x, y + 1));
-        open.extend([left, up, right, down].into_iter().flatten());
-    }
-    reached
 }
 
 /// The mean distance of `from` to the nearest of `to`, in the box of both.

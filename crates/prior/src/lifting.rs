@@ -74,31 +74,65 @@ pub(crate) fn joined(
     let hull = hull(azimuths_rad, masks, grid);
     let mut out = Tensor::zeros([ny, nx, nz], fusion.joined.outputs());
     let length = out.row_length();
-    out.values.par_chunks_exact_mut(length).enumerate().for_each(|(index, out)| {
-        let views = features.iter().zip(azimuths_rad).zip(&places);
-        let views: Vec<Vec<f32>> = views
-            .map(|((features, &azimuth), places)| of_view(fusion, features, azimuth, places[index]))
-            .collect();
-        let told = [index % nx, index / nx];
-        let joined = (0..nz).flat_map(|z| {
-            let (mean, most) = fused(fusion, &views, z);
-            mean.into_iter().chain(most).chain(extras(&hull, views.len(), grid, told, z))
-        });
-        fusion.joined.pointwise(&joined.collect::<Vec<f32>>(), true, out);
-    });
+    let room = || Room::new(nz, features.len());
+    out.values.par_chunks_exact_mut(length).enumerate().for_each_init(
+        room,
+        |room, (index, out)| {
+            let views = features.iter().zip(azimuths_rad).zip(&places).zip(&mut room.views);
+            for (((features, &azimuth), places), own) in views {
+                of_view(fusion, features, azimuth, places[index], &mut room.lifted, own);
+            }
+            let told = [index % nx, index / nx];
+            for (z, joined) in room.joined.chunks_exact_mut(2 * FEATURES + EXTRAS).enumerate() {
+                let (learned, extra) = joined.split_at_mut(2 * FEATURES);
+                let (mean, most) = learned.split_at_mut(FEATURES);
+                fused(fusion, &room.views, z, &mut room.shares, mean, most);
+                extra.copy_from_slice(&extras(&hull, features.len(), grid, told, z));
+            }
+            fusion.joined.pointwise(&room.joined, true, out);
+        },
+    );
     out
 }
 
+/// What the columns of voxels of one thread share.
+struct Room {
+    lifted: Vec<f32>,
+    /// Per view its features, by Z.
+    views: Vec<Vec<f32>>,
+    shares: Vec<f32>,
+    joined: Vec<f32>,
+}
+
+impl Room {
+    fn new(voxels: usize, views: usize) -> Self {
+        let own = vec![0.0; voxels * FEATURES];
+        Self {
+            lifted: own.clone(),
+            views: vec![own; views],
+            shares: vec![0.0; views],
+            joined: vec![0.0; voxels * (2 * FEATURES + EXTRAS)],
+        }
+    }
+}
+
 /// Mixed features of one view along a column of voxels.
-fn of_view(fusion: &Fusion, features: &Tensor, azimuth_rad: f64, seen: Seen) -> Vec<f32> {
-    let [_, nz, columns] = features.size;
+fn of_view(
+    fusion: &Fusion,
+    features: &Tensor,
+    azimuth_rad: f64,
+    seen: Seen,
+    lifted: &mut [f32],
+    mixed: &mut [f32],
+) {
+    let columns = features.size[2];
     let (sine, cosine) = azimuth_rad.sin_cos();
     let known = [seen.depth, seen.depth * seen.depth, sine as f32, cosine as f32];
     let position: [f32; FEATURES] = array::from_fn(|feature| {
         let weights = &fusion.position[feature * known.len()..][..known.len()];
         weights.iter().zip(known).fold(0.0, |sum, (weight, value)| value.mul_add(*weight, sum))
     });
-    let mut lifted = vec![0.0; nz * FEATURES];
+    lifted.fill(0.0);
     for (z, lifted) in lifted.chunks_exact_mut(FEATURES).enumerate() {
         let row = features.row(0, z);
         for (column, weight) in seen.weights(columns) {
@@ -107,34 +141,38 @@ fn of_view(fusion: &Fusion, features: &Tensor, azimuth_rad: f64, seen: Seen) -> 
         }
         lifted.iter_mut().zip(position).for_each(|(own, value)| *own = (*own + value).max(0.0));
     }
-    let mut mixed = vec![0.0; lifted.len()];
-    fusion.mix.pointwise(&lifted, true, &mut mixed);
-    mixed
+    fusion.mix.pointwise(lifted, true, mixed);
 }
 
 /// The mean of the views' features by their scores, and the largest of each.
-fn fused(fusion: &Fusion, views: &[Vec<f32>], z: usize) -> ([f32; FEATURES], [f32; FEATURES]) {
-    let own = |view: &Vec<f32>| -> [f32; FEATURES] {
-        let own = &view[z * FEATURES..][..FEATURES];
-        array::from_fn(|feature| own[feature])
-    };
+///
+/// * `shares`: room for one value a view.
+fn fused(
+    fusion: &Fusion,
+    views: &[Vec<f32>],
+    z: usize,
+    shares: &mut [f32],
+    mean: &mut [f32],
+    most: &mut [f32],
+) {
+    let own = |view: usize| &views[view][z * FEATURES..][..FEATURES];
     let (weights, bias) = &fusion.score;
-    let score = |own: &[f32; FEATURES]| {
-        own.iter().zip(weights).fold(*bias, |sum, (value, weight)| value.mul_add(*weight, sum))
-    };
-    let views: Vec<[f32; FEATURES]> = views.iter().map(own).collect();
-    let scores: Vec<f32> = views.iter().map(score).collect();
-    let highest = scores.iter().copied().fold(f32::NEG_INFINITY, f32::max);
-    let shares: Vec<f32> = scores.iter().map(|score| libm::expf(score - highest)).collect();
+    for (view, score) in shares.iter_mut().enumerate() {
+        let products = own(view).iter().zip(weights);
+        *score = products.fold(*bias, |sum, (value, weight)| value.mul_add(*weight, sum));
+    }
+    let highest = shares.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+    shares.iter_mut().for_each(|score| *score = libm::expf(*score - highest));
     let all: f32 = shares.iter().sum();
-    let (mut mean, mut most) = ([0.0; FEATURES], [f32::NEG_INFINITY; FEATURES]);
-    for (own, share) in views.iter().zip(&shares) {
-        for (feature, value) in own.iter().enumerate() {
-            mean[feature] += value * (share / all);
-            most[feature] = most[feature].max(*value);
+    mean.fill(0.0);
+    most.fill(f32::NEG_INFINITY);
+    for (view, share) in shares.iter().enumerate() {
+        let share = share / all;
+        for ((mean, most), value) in mean.iter_mut().zip(&mut *most).zip(own(view)) {
+            *mean += value * share;
+            *most = most.max(*value);
         }
     }
-    (mean, most)
 }
 
 /// How far each place at twice the grid is inside all outlines, by Z (downward), Y, X.

@@ -97,14 +97,14 @@ fn outlined(inside: &Bits, regions: &Components, stroke: f64) -> Vec<bool> {
 /// Per region the share of its edge that is within `near` of `outside`; for regions in `outside`
 /// it tells nothing.
 fn edge_shares(regions: &Components, outside: &Bits, near: f32) -> Vec<f64> {
-    let (width, distance) = (outside.width, outside.distance());
+    let (width, near) = (outside.width, outside.dilated(near));
     let mut edges = vec![(0_u32, 0_u32); regions.parts.len()];
     for (i, &label) in regions.labels.iter().enumerate().filter(|(_, label)| **label != 0) {
         let beside = [i.wrapping_sub(1), i + 1, i.wrapping_sub(width), i + width];
         if beside.iter().any(|&j| regions.labels.get(j).copied().unwrap_or(0) != label) {
             let (all, thin) = &mut edges[label as usize - 1];
             *all += 1;
-            *thin += u32::from(distance.data[i] <= near);
+            *thin += u32::from(near.data[i]);
         }
     }
     edges.iter().map(|(all, thin)| f64::from(*thin) / f64::from((*all).max(1))).collect()

@@ -12,6 +12,8 @@ const FIRST_TOLERANCE: f32 = 34.0;
 /// And off the fitted field.
 const LEAST_TOLERANCE: f32 = 7.0;
 const ROUNDS: usize = 7;
+/// Of a polynomial of order 4 in two variables.
+const TERMS: usize = 15;
 /// The reach of what a polynomial does not fit, share of the longer side.
 const SMOOTH_SHARE: f64 = 0.06;
 /// Fields that change by less count as flat, levels.
@@ -106,6 +108,7 @@ impl Paper {
         let mut field = vec![first; across * down];
         let mut tolerance = FIRST_TOLERANCE;
         let mut paper = vec![false; field.len()];
+        let terms: Vec<_> = (0..field.len()).map(|index| own.terms(index)).collect();
         for round in 0..ROUNDS {
             let fits = |i: usize| off(&sampled[i], &field[i]) <= tolerance;
             let fitting: Vec<bool> = (0..field.len()).map(fits).collect();
@@ -120,7 +123,7 @@ impl Paper {
             let middle = residuals.len() / 2;
             let spread = *residuals.select_nth_unstable_by(middle, f32::total_cmp).1;
             tolerance = (4.0 * spread).clamp(LEAST_TOLERANCE, FIRST_TOLERANCE);
-            field = own.polynomial(&sampled, &paper, if round < 2 { 1 } else { 4 });
+            field = polynomial(&terms, &sampled, &paper, if round < 2 { 3 } else { TERMS });
         }
         own.cells = own.smoothed(&sampled, &paper, field);
         own.foreign_border =
@@ -151,42 +154,15 @@ impl Paper {
         (at(index % self.across, self.across), at(index / self.across, self.down))
     }
 
-    fn polynomial(&self, sampled: &[[f32; 3]], paper: &[bool], order: usize) -> Vec<[f32; 3]> {
-        let terms = |index: usize| {
-            let (x, y) = self.unit(index);
-            let mut terms = Vec::with_capacity(15);
-            for total in 0..=order {
-                terms.extend((0..=total).map(|k| x.powi((total - k) as i32) * y.powi(k as i32)));
-            }
-            terms
-        };
-        let count = terms(0).len();
-        let mut normal = vec![vec![0.0; count + 3]; count];
-        let mut weight = 0.0;
-        for index in (0..paper.len()).filter(|&i| paper[i]) {
-            let t = terms(index);
-            weight += 1.0;
-            for a in 0..count {
-                for b in 0..count {
-                    normal[a][b] += t[a] * t[b];
-                }
-                for c in 0..3 {
-                    normal[a][count + c] += t[a] * f64::from(sampled[index][c]);
-                }
-            }
+    /// Products of a cell's place up to order 4, lower orders first.
+    fn terms(&self, index: usize) -> [f64; TERMS] {
+        let (x, y) = self.unit(index);
+        let orders = (0..=4).flat_map(|total| (0..=total).map(move |k| (total - k, k)));
+        let mut terms = [0.0; TERMS];
+        for (term, (of_x, of_y)) in terms.iter_mut().zip(orders) {
+            *term = x.powi(of_x) * y.powi(of_y);
         }
-        for (a, row) in normal.iter_mut().enumerate().skip(1) {
-            row[a] += 1e-4 * weight;
-        }
-        crate::linear::solve(&mut normal, 3);
-        let value = |index: usize| {
-            let t = terms(index);
-            let channel = |c: usize| {
-                t.iter().zip(&normal).map(|(t, row)| t * row[count + c]).sum::<f64>() as f32
-            };
-            std::array::from_fn(channel).map(|level: f32| level.clamp(0.0, 255.0))
-        };
-        (0..paper.len()).map(value).collect()
+        terms
     }
 
     /// Adds to `field` the mean of what paper nearby differs from it.
@@ -280,6 +256,37 @@ impl Paper {
             noise: f64::from(self.noise),
         }
     }
+}
+
+/// The first `count` of each cell's `terms` fitted to what is sampled of paper, at every cell.
+fn polynomial(
+    terms: &[[f64; TERMS]],
+    sampled: &[[f32; 3]],
+    paper: &[bool],
+    count: usize,
+) -> Vec<[f32; 3]> {
+    let mut normal = vec![vec![0.0; count + 3]; count];
+    let mut weight = 0.0;
+    for index in (0..paper.len()).filter(|&i| paper[i]) {
+        let t = &terms[index][..count];
+        weight += 1.0;
+        for (a, row) in normal.iter_mut().enumerate() {
+            let (products, levels) = row.split_at_mut(count);
+            products.iter_mut().zip(t).for_each(|(sum, other)| *sum += t[a] * other);
+            levels.iter_mut().zip(sampled[index]).for_each(|(sum, c)| *sum += t[a] * f64::from(c));
+        }
+    }
+    for (a, row) in normal.iter_mut().enumerate().skip(1) {
+        row[a] += 1e-4 * weight;
+    }
+    crate::linear::solve(&mut normal, 3);
+    let value = |terms: &[f64; TERMS]| {
+        let channel = |c: usize| {
+            terms.iter().zip(&normal).map(|(t, row)| t * row[count + c]).sum::<f64>() as f32
+        };
+        std::array::from_fn(channel).map(|level: f32| level.clamp(0.0, 255.0))
+    };
+    terms.iter().map(value).collect()
 }
 
 /// Rec. 601 luma of a colour in floating point.

@@ -99,59 +99,88 @@ impl Bits {
     /// # Source
     /// Felzenszwalb & Huttenlocher 2012, Distance transforms of sampled functions.
     pub fn distance(&self) -> Raster<f32> {
-        const FAR: f32 = 1e12;
         let (w, h) = (self.width, self.height);
-        let mut squared: Vec<f32> =
-            self.data.iter().map(|is| if *is { 0.0 } else { FAR }).collect();
-        let mut lower = Lower::with_capacity(w.max(h));
-        let mut column = vec![0.0_f32; h];
         // Down the columns a simple two-way scan of linear distance is exact.
-        let mut near = vec![1e6_f32; w];
-        for y in 0..h {
-            for (value, near) in squared[y * w..(y + 1) * w].iter_mut().zip(&mut near) {
-                *near = if *value == 0.0 { 0.0 } else { *near + 1.0 };
-                *value = *near;
-            }
-        }
-        near.fill(1e6);
-        for y in (0..h).rev() {
-            for (value, near) in squared[y * w..(y + 1) * w].iter_mut().zip(&mut near) {
-                *near = if *value == 0.0 { 0.0 } else { *near + 1.0 };
-                *value = value.min(*near).min(1e6);
-            }
-        }
-        column.clear();
+        let mut squared: Vec<f32> = self
+            .along_columns()
+            .iter()
+            .map(|&near| if near == NONE { FAR } else { near as f32 })
+            .collect();
+        let mut lower = Lower::with_capacity(w.max(h));
         for row in squared.chunks_exact_mut(w.max(1)) {
             row.iter_mut().for_each(|value| *value *= *value);
             lower.transform(row);
-            row.iter_mut().for_each(|value| *value = value.sqrt().min(1e6));
+            row.iter_mut().for_each(|value| *value = value.sqrt().min(FAR));
         }
         Raster { width: w, height: h, data: squared }
+    }
+
+    /// How far each pixel is from the nearest set one of its column, px; [`NONE`] without any.
+    fn along_columns(&self) -> Vec<u32> {
+        let width = self.width.max(1);
+        let mut along = vec![NONE; self.data.len()];
+        let mut near = vec![NONE; self.width];
+        let step = |near: &mut [u32], set: &[bool]| {
+            for (near, set) in near.iter_mut().zip(set) {
+                *near = if *set { 0 } else { near.saturating_add(1).min(NONE) };
+            }
+        };
+        for (along, set) in along.chunks_exact_mut(width).zip(self.data.chunks_exact(width)) {
+            step(&mut near, set);
+            along.copy_from_slice(&near);
+        }
+        near.fill(NONE);
+        for (along, set) in along.chunks_exact_mut(width).zip(self.data.chunks_exact(width)).rev() {
+            step(&mut near, set);
+            along.iter_mut().zip(&near).for_each(|(along, near)| *along = (*along).min(*near));
+        }
+        along
     }
 
     /// What is within `radius` pixels of something set.
     #[must_use]
     pub fn dilated(&self, radius: f32) -> Self {
-        let distance = self.distance();
-        self.map_of(&distance, |d| d <= radius)
+        // The half width of the disc by distance from its middle row.
+        let is_near = |dx: usize, dy: usize| ((dx * dx + dy * dy) as f32).sqrt() <= radius;
+        let mut halves = Vec::new();
+        let mut half = (radius.max(0.0) as usize + 1).min(self.width);
+        while is_near(0, halves.len()) && halves.len() <= self.height {
+            while !is_near(half, halves.len()) {
+                half -= 1;
+            }
+            halves.push(half);
+        }
+        let width = self.width.max(1);
+        let along = self.along_columns();
+        let mut data = Vec::with_capacity(self.data.len());
+        // By column how many more discs begin there than ended before it.
+        let mut steps = vec![0_i32; width + 1];
+        for along in along.chunks_exact(width) {
+            steps.fill(0);
+            for (x, &dy) in along.iter().enumerate() {
+                if let Some(&half) = halves.get(dy as usize) {
+                    steps[x.saturating_sub(half)] += 1;
+                    steps[(x + half + 1).min(width)] -= 1;
+                }
+            }
+            data.extend(steps[..width].iter().scan(0, |open, step| {
+                *open += step;
+                Some(*open > 0)
+            }));
+        }
+        Self { width: self.width, height: self.height, data }
     }
 
     /// What is farther than `radius` pixels from everything that is not set.
     #[must_use]
     pub fn eroded(&self, radius: f32) -> Self {
-        let distance = self.not().distance();
-        self.map_of(&distance, |d| d > radius)
+        self.not().dilated(radius).not()
     }
 
     /// What a disc of this radius covers that stays within.
     #[must_use]
     pub fn opened(&self, radius: f32) -> Self {
         self.eroded(radius).dilated(radius)
-    }
-
-    fn map_of(&self, distance: &Raster<f32>, test: impl Fn(f32) -> bool) -> Self {
-        let data = distance.data.iter().map(|d| test(*d)).collect();
-        Self { width: self.width, height: self.height, data }
     }
 
     /// The set pixels connected (by sides) to the image's border.
@@ -196,6 +225,10 @@ impl Bits {
     }
 }
 
+/// What is farther than all pictures are wide, px.
+const FAR: f32 = 1e6;
+const NONE: u32 = 1_000_000;
+
 /// The lower envelope of parabolas, with its buffers.
 struct Lower {
     source: Vec<f32>,
@@ -212,29 +245,50 @@ impl Lower {
         }
     }
 
+    /// From 0 to 0 nothing beyond matters, and 0 stays.
     fn transform(&mut self, row: &mut [f32]) {
+        let mut rest = row;
+        loop {
+            let zeros = rest.iter().take_while(|value| **value == 0.0).count();
+            rest = &mut rest[zeros.saturating_sub(1)..];
+            let skip = usize::from(zeros > 0);
+            let next = rest.iter().skip(skip).position(|value| *value == 0.0);
+            let end = next.map_or(rest.len(), |next| skip + next + 1);
+            if end > skip {
+                self.transform_run(&mut rest[..end]);
+            }
+            let Some(next) = next else { return };
+            rest = &mut rest[skip + next..];
+        }
+    }
+
+    fn transform_run(&mut self, row: &mut [f32]) {
         self.source.clear();
         self.source.extend_from_slice(row);
         self.place.clear();
         self.from.clear();
         let f = &self.source;
-        for q in 0..f.len() {
+        for q in (0..f.len()).filter(|&q| f[q] < FAR * FAR) {
             let crossing = |p: usize| {
                 let (fq, fp) = (f64::from(f[q]), f64::from(f[p]));
                 let (q, p) = (q as f64, p as f64);
                 (((fq + q * q) - (fp + p * p)) / (2.0 * (q - p))) as f32
             };
-            while let (Some(&p), Some(&from)) = (self.place.last(), self.from.last()) {
-                if crossing(p) <= from {
-                    self.place.pop();
-                    self.from.pop();
-                } else {
+            let mut from = f32::NEG_INFINITY;
+            while let (Some(&p), Some(&first)) = (self.place.last(), self.from.last()) {
+                let own = crossing(p);
+                if own > first {
+                    from = own;
                     break;
                 }
+                self.place.pop();
+                self.from.pop();
             }
-            let from = self.place.last().map_or(f32::NEG_INFINITY, |&p| crossing(p));
             self.place.push(q);
             self.from.push(from);
+        }
+        if self.place.is_empty() {
+            return;
         }
         let mut k = 0;
         for (x, value) in row.iter_mut().enumerate() {
@@ -415,6 +469,35 @@ mod tests {
         assert_eq!(distance.at(4, 4), 0.0);
         assert_eq!(Bits::filled(3, 2, false).distance().data[0], 1e6);
         assert!(Bits::filled(0, 0, false).distance().data.is_empty());
+    }
+
+    #[test]
+    fn dilation_is_a_limit_of_distance() {
+        let mut seed = 1_u32;
+        for (width, height) in [(17, 11), (1, 9), (9, 1), (30, 30)] {
+            let mut bits = Bits::filled(width, height, false);
+            for pixel in &mut bits.data {
+                seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                *pixel = seed >> 24 < 12;
+            }
+            let (distance, depth) = (bits.distance(), bits.not().distance());
+            let nearest = |x: usize, y: usize, of: &Bits| {
+                let set = (0..width * height).filter(|&i| of.data[i]);
+                let squares =
+                    set.map(|i| (i % width).abs_diff(x).pow(2) + (i / width).abs_diff(y).pow(2));
+                squares.min().map_or(1e6, |square| (square as f32).sqrt())
+            };
+            for i in 0..width * height {
+                assert_eq!(distance.data[i], nearest(i % width, i / width, &bits));
+                assert_eq!(depth.data[i], nearest(i % width, i / width, &bits.not()));
+            }
+            for radius in [-1.0, 0.0, 0.7, 1.0, 2.0_f32.sqrt(), 2.3, 5.0, 40.0] {
+                let within: Vec<bool> = distance.data.iter().map(|d| *d <= radius).collect();
+                assert_eq!(bits.dilated(radius).data, within, "{radius}");
+                let beyond: Vec<bool> = depth.data.iter().map(|d| *d > radius).collect();
+                assert_eq!(bits.eroded(radius).data, beyond, "{radius}");
+            }
+        }
     }
 
     #[test]
