@@ -423,9 +423,8 @@ pub fn grown(bits: &Bits) -> Bits {
     let (w, h) = (bits.width, bits.height);
     let mut wide = bits.clone();
     for (row, from) in wide.data.chunks_exact_mut(w.max(1)).zip(bits.data.chunks_exact(w.max(1))) {
-        for x in 0..w {
-            row[x] = from[x] || (x > 0 && from[x - 1]) || (x + 1 < w && from[x + 1]);
-        }
+        row.iter_mut().skip(1).zip(from).for_each(|(own, before)| *own |= before);
+        row.iter_mut().zip(from.iter().skip(1)).for_each(|(own, after)| *own |= after);
     }
     let mut grown = wide.clone();
     for y in 0..h {

@@ -137,10 +137,13 @@ impl Grid {
         *word = *word & !(1 << (i % 64)) | u64::from(value) << (i % 64);
     }
 
+    fn has(&self, node: Node) -> bool {
+        (0..3).all(|axis| node[axis] >= 0 && (node[axis] as usize) < self.nodes[axis])
+    }
+
     /// Outside beyond the lattice.
     fn contains(&self, node: Node) -> bool {
-        let within = (0..3).all(|axis| node[axis] >= 0 && (node[axis] as usize) < self.nodes[axis]);
-        within && self.get(node.map(|index| index as usize))
+        self.has(node) && self.get(node.map(|index| index as usize))
     }
 
     /// With all nodes in the cubes of three nodes about those inside.
@@ -192,46 +195,97 @@ impl Grid {
     }
 
     /// The nodes outside that are connected, in faces, with the lattice's border.
-    fn open(&self) -> Vec<bool> {
-        let [columns, rows, slices] = self.nodes;
-        let strides = [1, columns, columns * rows];
-        let place = |index: usize| [index % columns, index / columns % rows, index / strides[2]];
-        let on_border = |index: usize| {
-            let at = place(index);
-            (0..3).any(|axis| at[axis] == 0 || at[axis] + 1 == self.nodes[axis])
+    fn open(&self) -> Self {
+        let outside = self.inverted();
+        let mut open = outside.clone();
+        let ends = |row: usize| {
+            let [j, k] = [row % self.nodes[1], row / self.nodes[1]];
+            j == 0 || k == 0 || j + 1 == self.nodes[1] || k + 1 == self.nodes[2]
         };
-        let mut open = vec![false; columns * rows * slices];
-        let mut next: Vec<usize> =
-            (0..open.len()).filter(|&index| on_border(index) && !self.get(place(index))).collect();
-        next.iter().for_each(|&index| open[index] = true);
-        while let Some(index) = next.pop() {
-            let at = place(index);
-            for axis in 0..3 {
-                let before = (at[axis] > 0).then(|| index - strides[axis]);
-                let after = (at[axis] + 1 < self.nodes[axis]).then(|| index + strides[axis]);
-                for other in before.into_iter().chain(after) {
-                    if !self.get(place(other)) && !std::mem::replace(&mut open[other], true) {
-                        next.push(other);
-                    }
-                }
+        let last = self.nodes[0].saturating_sub(1);
+        for (row, bits) in open.bits.chunks_exact_mut(self.words.max(1)).enumerate() {
+            for (word, bits) in bits.iter_mut().enumerate().filter(|_| !ends(row)) {
+                let mut border = u64::from(word == 0);
+                border |= u64::from(word == last / 64) << (last % 64);
+                *bits &= border;
+            }
+        }
+        // Each sweep goes on from every row to the next ones, and there and back along them.
+        let rows = open.bits.len() / self.words.max(1);
+        loop {
+            let mut changed = false;
+            for row in 0..rows {
+                changed |= open.spread(&outside, row, false);
+            }
+            for row in (0..rows).rev() {
+                changed |= open.spread(&outside, row, true);
+            }
+            if !changed {
+                break;
             }
         }
         open
     }
 
+    /// Takes over into a row, within `outside`, what is set in the rows before it, or after it;
+    /// then along the row. Whether that set anything.
+    fn spread(&mut self, outside: &Self, row: usize, after: bool) -> bool {
+        let [j, k] = [row % self.nodes[1], row / self.nodes[1]];
+        let beside = if after {
+            let next = (j + 1 < self.nodes[1]).then_some(row + 1);
+            [next, (k + 1 < self.nodes[2]).then_some(row + self.nodes[1])]
+        } else {
+            [(j > 0).then(|| row - 1), (k > 0).then(|| row - self.nodes[1])]
+        };
+        let first = row * self.words;
+        let mut changed = false;
+        for word in 0..self.words {
+            let own = self.bits[first + word];
+            let mut bits = own;
+            for other in beside.into_iter().flatten() {
+                bits |= self.bits[other * self.words + word];
+            }
+            if word > 0 {
+                bits |= self.bits[first + word - 1] >> 63;
+            }
+            let bits = along(bits & outside.bits[first + word], outside.bits[first + word]);
+            self.bits[first + word] = bits;
+            changed |= bits != own;
+        }
+        for word in (1..self.words).rev() {
+            let within = outside.bits[first + word - 1];
+            let own = self.bits[first + word - 1];
+            let bits = along((own | self.bits[first + word] << 63) & within, within);
+            self.bits[first + word - 1] = bits;
+            changed |= bits != own;
+        }
+        changed
+    }
+
     /// Whether a node touches, in a face, one outside that is not `open`.
-    fn encloses(&self, open: &[bool], node: Node) -> bool {
+    fn encloses(&self, open: &Self, node: Node) -> bool {
         let faces =
             offsets().filter(|offset| offset.iter().map(|step| step.abs()).sum::<i32>() == 1);
         faces.map(|offset| [0, 1, 2].map(|axis| node[axis] + offset[axis])).any(|other| {
-            let within =
-                (0..3).all(|axis| other[axis] >= 0 && (other[axis] as usize) < self.nodes[axis]);
-            within && {
-                let [i, j, k] = other.map(|index| index as usize);
-                !self.get([i, j, k]) && !open[(k * self.nodes[1] + j) * self.nodes[0] + i]
+            self.has(other) && {
+                let other = other.map(|index| index as usize);
+                !self.get(other) && !open.get(other)
             }
         })
     }
+}
+
+/// What of `within` is connected with `bits` in a word, towards both ends.
+fn along(bits: u64, within: u64) -> u64 {
+    let (mut up, mut down) = (bits, bits);
+    let (mut way_up, mut way_down) = (within, within);
+    for step in [1, 2, 4, 8, 16, 32] {
+        up |= way_up & up << step;
+        way_up &= way_up << step;
+        down |= way_down & down >> step;
+        way_down &= way_down >> step;
+    }
+    up | down
 }
 
 #[cfg(test)]
