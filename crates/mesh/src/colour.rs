@@ -1,5 +1,7 @@
 //! The transfer function of sRGB (IEC 61966-2-1).
 
+use std::sync::LazyLock;
+
 /// Linear light of a level in [0, 1] as displays are sent it.
 pub fn linear_from_srgb(level: f32) -> f32 {
     if level <= 0.04045 { level / 12.92 } else { libm::powf((level + 0.055) / 1.055, 2.4) }
@@ -7,7 +9,9 @@ pub fn linear_from_srgb(level: f32) -> f32 {
 
 /// [`linear_from_srgb`] of a byte.
 pub fn linear_from_srgb_byte(level: u8) -> f32 {
-    linear_from_srgb(f32::from(level) / 255.0)
+    static LEVELS: LazyLock<[f32; 256]> =
+        LazyLock::new(|| std::array::from_fn(|level| linear_from_srgb(level as f32 / 255.0)));
+    LEVELS[usize::from(level)]
 }
 
 /// The nearest byte for linear light; what is outside of [0, 1] is clipped.

@@ -283,23 +283,29 @@ fn full_mesh(
         None => surface_of(field, options),
         Some(bounds) => surface_of(&bounds.applied(field), options),
     };
+    let asks = options.prior != Switch::Off && options.kind == SolidKind::Creased;
+    // Others need none here.
+    let hulls = if options.kind == SolidKind::Creased { &hulls[..] } else { &[] };
     let without = || match options.kind {
-        SolidKind::Creased => surface(&smoothing::smoothed(&field, &hulls, &directions, apart)),
+        SolidKind::Creased => surface(&smoothing::smoothed(&field, hulls, &directions, apart)),
         _ => surface(&field),
     };
-    let asks = options.prior != Switch::Off && options.kind == SolidKind::Creased;
     let (mesh, full_faces) = if asks {
         let has_depth = report.carving_views > 0;
-        let guessed = &bounding[directions.len()..];
-        let logits = learned::logits(sheet, input.views, guessed.first(), observer)?;
-        let blended =
-            learned::blend(&field, &hulls, &directions, &logits, has_depth, &drawn, apart);
-        let with = surface(&blended);
+        let guessed = bounding[directions.len()..].first();
+        let with = || -> Result<_, SolidError> {
+            let logits = learned::logits(sheet, input.views, guessed, observer)?;
+            let blended =
+                learned::blend(&field, hulls, &directions, &logits, has_depth, &drawn, apart);
+            Ok(surface(&blended))
+        };
         if options.prior == Switch::On {
             report.prior = Some(PriorReport { used: true, without: None, with: None });
-            with
+            with()?
         } else {
-            let without = without();
+            // Either has steps that one thread takes.
+            let (with, without) = rayon::join(with, without);
+            let with = with?;
             let explained = |mesh: &Mesh| redraw::explained(mesh, &rig, sheet, input.silhouettes);
             let scores = (explained(&without.0), explained(&with.0));
             let drawn_corners = report.sharp_corners as f64 / report.corners.max(1) as f64;
