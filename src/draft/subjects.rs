@@ -540,6 +540,8 @@ fn view_of(
     let (azimuth, elevation) = (view.azimuth, view.elevation);
     let given = matches!(subject.kind, DrawingKind::Given | DrawingKind::CutOut);
     let mask_was_found = !given || view.document.mask_with_outline;
+    let mask_has_holes =
+        matches!(subject.kind, DrawingKind::Flat | DrawingKind::Shaded | DrawingKind::CutOut);
     let (image, mask, color, cut_out): (GrayImage, GrayImage, _, _) = match aligned {
         Some(Aligned { mask, ink, colour }) => (ink, mask, color_of(&colour), colour),
         None => (subject.ink, subject.mask, color_of(&view.drawing), subject.colour),
@@ -547,7 +549,7 @@ fn view_of(
     let level = if as_drawn {
         View::level(azimuth, picture::flatten(&view.drawing).gray, None)
     } else {
-        View { mask_was_found, ..View::level(azimuth, image, Some(mask)) }
+        View { mask_was_found, mask_has_holes, ..View::level(azimuth, image, Some(mask)) }
     };
     (View { elevation, color, ..level }, cut_out)
 }

@@ -20,6 +20,9 @@ pub struct View {
     /// Whether the mask was found in the drawing: it then includes the stroke
     /// of the outline, which a mask given by hand does not.
     pub mask_was_found: bool,
+    /// Whether the mask leaves out what one sees through, as a painted drawing's or a cut-out's
+    /// does; lines alone don't tell holes from panels.
+    pub mask_has_holes: bool,
     /// The drawing's colours on white paper, of its size; `None` if it has none.
     pub color: Option<RgbImage>,
 }
@@ -28,7 +31,15 @@ impl View {
     /// A drawing seen by a level camera.
     pub fn level(azimuth: Azimuth, image: GrayImage, mask: Option<GrayImage>) -> Self {
         let elevation = Elevation::LEVEL;
-        Self { azimuth, elevation, image, mask, mask_was_found: false, color: None }
+        Self {
+            azimuth,
+            elevation,
+            image,
+            mask,
+            mask_was_found: false,
+            mask_has_holes: false,
+            color: None,
+        }
     }
 
     /// Where its camera stands.

@@ -120,7 +120,8 @@ pub enum Switch {
 pub enum Holes {
     /// Those that the opposite view shows too, or where it is not drawn a view
     /// from the side that sees through them; that are ringed thinly and that no
-    /// other view contradicts.
+    /// other view contradicts. None in painted drawings and cut-outs, where paper
+    /// or alpha tells what one sees through.
     #[default]
     Auto,
     /// Also those that no view can confirm.

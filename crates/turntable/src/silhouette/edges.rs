@@ -51,8 +51,12 @@ fn stroke_width_px(ink: &InkMap, x: i64, y: i64, step: i64) -> Option<f64> {
     (width <= MAX_LINE_PX).then_some(width)
 }
 
+/// Runs that are wider than their stroke by at most so much are a stroke alone, px.
+pub(crate) const ALONE_PX: f64 = 1.5;
+
 /// The mask's runs with ends at the middle of the stroke, or at the mask's own
-/// edge where `half_line_px` is 0.
+/// edge where `half_line_px` is 0 or the run is a stroke alone: a sheet seen
+/// edge-on has no other thickness.
 pub(super) fn row_intervals(
     ink: &InkMap,
     mask: &GrayImage,
@@ -73,6 +77,9 @@ pub(super) fn row_intervals(
         .map(|(y, row)| {
             runs(row)
                 .map(|(start, end)| {
+                    if (end - start) as f64 <= 2.0 * half_line_px + ALONE_PX {
+                        return (start as f64, end as f64);
+                    }
                     let left = start as f64 + inset(start as i64, y, -1);
                     (left, end as f64 - inset(end as i64 - 1, y, 1))
                 })

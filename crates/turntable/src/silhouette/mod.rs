@@ -15,6 +15,7 @@ use frames::Azimuth;
 use sheet::View;
 
 pub use crate::options::SilhouetteOptions;
+pub(crate) use edges::ALONE_PX;
 pub use opposite::OppositePair;
 
 /// Where a silhouette comes from.

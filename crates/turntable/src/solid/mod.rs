@@ -216,6 +216,9 @@ fn prepared_sheet(
 }
 
 /// The solid's surface, coarser where it is flat.
+/// Outlines are nowhere narrower than this, share of the pitch: sheets seen edge-on are strokes.
+const THINNEST: f64 = 1.5;
+
 fn full_mesh(
     sheet: &SolidSheet,
     input: &SolidInput,
@@ -231,6 +234,10 @@ fn full_mesh(
     report.depth_guessed = bounding.len() > directions.len();
     steps.done(1, "views")?;
     let lattice = hull::lattice_of(sheet, &bounding, options)?;
+    let wide = |outlines: Vec<Outline>| -> Vec<Outline> {
+        outlines.iter().map(|outline| outline.widened(THINNEST * lattice.pitch_px)).collect()
+    };
+    let (directions, bounding) = (wide(directions), wide(bounding));
     report.pitch_px = lattice.pitch_px;
     let rig = Rig::of_views(input.views);
     // Where a guessed depth begins says nothing of where a view from above lies.

@@ -3,7 +3,7 @@
 use nalgebra::{Point2, Vector2};
 
 use crate::raster::runs;
-use crate::silhouette::Silhouette;
+use crate::silhouette::{ALONE_PX, Silhouette};
 
 /// A silhouette as one bound per slice of the solid: in the turntable frame,
 /// columns measured from the axis.
@@ -18,7 +18,7 @@ pub(super) struct Outline {
 impl Outline {
     /// The sub-pixel intervals of `silhouette`, cut where the row half a
     /// stroke above or below is outside: the stroke is as thick downward as it
-    /// is sideways.
+    /// is sideways. Strokes alone are not cut.
     pub(super) fn from_silhouette(silhouette: &Silhouette, axis_px: f64) -> Self {
         let (width, height) = silhouette.mask().dimensions();
         let (width, height) = (width as usize, height as usize);
@@ -29,6 +29,7 @@ impl Outline {
             let runs = mask.get(y * width..(y + 1) * width).into_iter().flat_map(runs);
             runs.map(|(from, to)| shifted(&(from as f64, to as f64))).collect()
         };
+        let alone = alone(mask, width, 2.0 * silhouette.half_line_px() + ALONE_PX);
         let rows = (0..height)
             .map(|y| {
                 let own: Vec<_> = silhouette.intervals_px(y).iter().map(shifted).collect();
@@ -36,10 +37,34 @@ impl Outline {
                     return own;
                 }
                 let above = y.checked_sub(reach).map(whole).unwrap_or_default();
-                intersection(&intersection(&own, &above), &whole(y + reach))
+                let cut = intersection(&intersection(&own, &above), &whole(y + reach));
+                let strokes = runs(&alone[y * width..(y + 1) * width]);
+                let strokes: Vec<_> =
+                    strokes.map(|(from, to)| shifted(&(from as f64, to as f64))).collect();
+                if strokes.is_empty() {
+                    cut
+                } else {
+                    union([cut, intersection(&own, &strokes)].concat())
+                }
             })
             .collect();
         Self { azimuth_rad: silhouette.azimuth().radians(), rows }
+    }
+
+    /// With what is narrower than `least_px` as wide as that, but for half of the gaps beside it:
+    /// what falls between a lattice's nodes is lost.
+    pub(super) fn widened(&self, least_px: f64) -> Self {
+        let of_row = |row: &Vec<(f64, f64)>| -> Vec<(f64, f64)> {
+            let wide = |(index, &(left, right)): (usize, &(f64, f64))| {
+                let grow = ((least_px - (right - left)) / 2.0).max(0.0);
+                let before = index.checked_sub(1).map(|before| left - row[before].1);
+                let after = row.get(index + 1).map(|after| after.0 - right);
+                let within = |gap: Option<f64>| gap.map_or(grow, |gap| grow.min(gap / 2.0));
+                (left - within(before), right + within(after))
+            };
+            row.iter().enumerate().map(wide).collect()
+        };
+        Self { azimuth_rad: self.azimuth_rad, rows: self.rows.iter().map(of_row).collect() }
     }
 
     /// The same subject seen in a mirror: the outline at `azimuth_rad`, every
@@ -88,6 +113,26 @@ impl Outline {
         let sine = (self.azimuth_rad - other.azimuth_rad).sin();
         sine.abs() < 1e-3
     }
+}
+
+/// What of a mask is at most `most_px` high, column by column: 255.
+fn alone(mask: &[u8], width: usize, most_px: f64) -> Vec<u8> {
+    let mut alone = vec![0; mask.len()];
+    let mut above = vec![0_usize; width];
+    let rows = mask.len() / width.max(1);
+    for y in 0..=rows {
+        for (x, above) in above.iter_mut().enumerate() {
+            if mask.get(y * width + x).is_some_and(|level| *level != 0) {
+                *above += 1;
+                continue;
+            }
+            if *above as f64 <= most_px {
+                (y - *above..y).for_each(|y| alone[y * width + x] = 255);
+            }
+            *above = 0;
+        }
+    }
+    alone
 }
 
 /// What two ascending lists of disjoint intervals share.
@@ -147,6 +192,28 @@ pub(super) fn length(intervals: &[(f64, f64)]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn narrow_intervals_widen_up_to_the_middle_of_gaps() {
+        let rows = vec![vec![(0.0, 1.0), (2.0, 3.0), (10.0, 20.0)], vec![]];
+        let outline = Outline { azimuth_rad: 0.0, rows };
+        let wide = outline.widened(4.0);
+        assert_eq!(wide.rows[0], [(-1.5, 1.5), (1.5, 4.5), (10.0, 20.0)]);
+        assert!(wide.rows[1].is_empty());
+    }
+
+    #[test]
+    fn low_parts_of_columns_are_strokes_alone() {
+        let rows = ["#...", "##..", "##..", "#..#"];
+        let mask: Vec<u8> =
+            rows.concat().bytes().map(|c| if c == b'#' { 255 } else { 0 }).collect();
+        let found = alone(&mask, 4, 2.0);
+        let expected = ["....", ".#..", ".#..", "...#"].concat();
+        assert!(
+            found.iter().zip(expected.bytes()).all(|(level, c)| (*level == 255) == (c == b'#'))
+        );
+        assert!(alone(&[], 0, 2.0).is_empty());
+    }
 
     #[test]
     fn intersects_and_subtracts() {

@@ -35,6 +35,8 @@ pub(super) struct SolidSheet {
     pub ink: Vec<Vec<bool>>,
     /// The same with gaps in lines closed, grown by two columns and one row.
     near_ink: Vec<Vec<bool>>,
+    /// Per drawing, whether its outline leaves out what one sees through.
+    pub has_holes: Vec<bool>,
     pub views: Vec<SolidView>,
 }
 
@@ -66,6 +68,7 @@ impl SolidSheet {
             views: solid_views.collect(),
             ink,
             near_ink,
+            has_holes: views.views().iter().map(|view| view.mask_has_holes).collect(),
         }
     }
 

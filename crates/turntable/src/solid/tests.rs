@@ -265,6 +265,48 @@ fn a_hole_that_two_views_see_through_is_carved() {
 }
 
 #[test]
+fn what_a_painted_drawing_does_not_leave_out_is_no_hole() {
+    let views = [0.0, 30.0, 90.0]
+        .map(|degrees| View { mask_has_holes: true, ..window(12.0, false, degrees) });
+    let solid = built_from(views.to_vec(), &SolidOptions { boxy: Switch::On, ..geometric() });
+    assert_eq!(solid.report.holes, []);
+    assert_near(solid.mesh.signed_volume(), 100.0 * 80.0 * 12.0, 0.18);
+}
+
+/// A plate 80 wide and high in a vertical plane that the front sees edge-on, drawn by strokes of
+/// `stroke` px.
+fn plate(stroke: f64, degrees: f64) -> View {
+    let half = (40.0 * degrees.to_radians().sin()).max(stroke / 2.0);
+    let image = GrayImage::from_fn(WIDTH, HEIGHT, |x, y| {
+        let (u, z) = (
+            f64::from(x) + 0.5 - f64::from(WIDTH) / 2.0,
+            f64::from(HEIGHT) / 2.0 - f64::from(y) - 0.5,
+        );
+        let from_edge = (half - u.abs()).min(40.0 - z.abs());
+        Luma([if (0.0..stroke).contains(&from_edge) { 0 } else { 255 }])
+    });
+    View::level(Azimuth::from_degrees(degrees).unwrap(), image, None)
+}
+
+#[test]
+fn a_plate_seen_edge_on_is_whole() {
+    for stroke in [2.0, 4.0] {
+        let views = [0.0, 45.0, 90.0].map(|degrees| plate(stroke, degrees));
+        let solid = built_from(views.to_vec(), &geometric());
+        assert_eq!(solid.report.holes, [], "{stroke}");
+        let (low, high) = solid.mesh.bounds().unwrap();
+        let size = high - low;
+        assert!(size.z > 70.0 && size.y > 70.0 && size.x < 8.0, "{stroke}: {size}");
+        // One sees nothing through it from the side.
+        assert!(
+            solid.mesh.signed_volume() > 70.0 * 70.0 * 1.0,
+            "{stroke}: {}",
+            solid.mesh.signed_volume()
+        );
+    }
+}
+
+#[test]
 fn a_painted_window_is_no_hole() {
     let views = [0.0, 30.0, 90.0].map(|degrees| window(60.0, true, degrees));
     let solid = built_from(views.to_vec(), &SolidOptions { boxy: Switch::On, ..geometric() });

@@ -83,7 +83,7 @@ pub(super) fn carve(
     use rayon::prelude::*;
     let per_view: Vec<Vec<Region>> = (0..sheet.views.len())
         .into_par_iter()
-        .map(|view| regions_of(sheet, view, masks[view]))
+        .map(|view| regions_of(sheet, view, masks[view], half_line_px[view]))
         .collect();
     let mut regions: Vec<Region> = per_view.into_iter().flatten().collect();
     regions.sort_by(|a, b| a.ring.total_cmp(&b.ring));
@@ -137,7 +137,13 @@ fn accept<'a>(
         let shared = region.runs.iter().filter(|run| rows_with_hole[run.0]).count() as f64;
         let beside_hole = shared > MIN_SHARED_ROWS * region.runs.len() as f64;
         let max_ring = if beside_hole { MAX_RING_BESIDE_HOLE } else { MAX_RING };
-        let possible = mode != Holes::Off
+        // Where the outline leaves out what one sees through, the rest is painted.
+        let searched = match mode {
+            Holes::Off => false,
+            Holes::Auto => !sheet.has_holes[region.view],
+            Holes::Eager => true,
+        };
+        let possible = searched
             && region.ring <= max_ring
             && evidence.confirms(region, required, mode == Holes::Eager);
         let is_open = || {

@@ -11,6 +11,9 @@ const MIN_AREA: f64 = 600.0 / (960.0 * 540.0);
 /// Regions closer to the outside are bounded by the outline itself, px of small
 /// drawings.
 const MIN_RING_PX: f64 = 5.0;
+/// The same beside the outline's stroke: regions keep two columns away from ink, and strokes
+/// have soft edges.
+const BESIDE_STROKE_PX: f64 = 3.0;
 
 /// (row, first column, one past the last).
 pub(super) type Run = (usize, usize, usize);
@@ -39,7 +42,14 @@ pub(super) fn columns_of(
 }
 
 /// Paper inside the outline, well away from it, by connected regions.
-pub(super) fn regions_of(sheet: &SolidSheet, view: usize, mask: &GrayImage) -> Vec<Region> {
+///
+/// * `half_line_px`: half the width of the outline's stroke.
+pub(super) fn regions_of(
+    sheet: &SolidSheet,
+    view: usize,
+    mask: &GrayImage,
+    half_line_px: f64,
+) -> Vec<Region> {
     let min_area = (MIN_AREA * (sheet.width * sheet.height) as f64) as usize;
     let mut groups = connected(&paper_runs(mask, sheet.near_ink(view)));
     groups.retain(|runs| area(runs) >= min_area);
@@ -47,7 +57,8 @@ pub(super) fn regions_of(sheet: &SolidSheet, view: usize, mask: &GrayImage) -> V
         return Vec::new();
     }
     let depth = chamfer_distance_px(mask);
-    let min_ring_px = MIN_RING_PX * stroke_scale(sheet.height);
+    let min_ring_px =
+        (MIN_RING_PX * stroke_scale(sheet.height)).max(2.0 * half_line_px + BESIDE_STROKE_PX);
     let ring_px = |runs: &[Run]| {
         let rows = runs.iter().map(|&(y, from, to)| &depth[y * sheet.width..][from..to]);
         rows.flatten().copied().fold(f32::INFINITY, f32::min)
