@@ -140,7 +140,7 @@ fn extent(ink: &Bits, line: &Line, side: f64) -> f64 {
 }
 
 /// Whether what meets a line is closed without it: on its side `way`, before it or behind, `inside`
-/// goes on for longer than a stroke is wide.
+/// goes on for longer than a stroke is wide, and away from the line too.
 fn is_closed(inside: &Bits, line: &Line, contact: &Contact, way: i64, stroke_px: f64) -> bool {
     let first = contact_offset(line, stroke_px) as usize;
     let deep = (3.0 * stroke_px + 3.0).ceil() as usize;
@@ -153,7 +153,9 @@ fn is_closed(inside: &Bits, line: &Line, contact: &Contact, way: i64, stroke_px:
     let far = if way < 0 { contact.to } else { contact.from } as i64;
     (first..=first + deep).any(|d| {
         let run = (0..).take_while(|step| at(far + way * step, d)).count();
-        run > (contact.to - contact.from) + deep
+        // Neither a stroke that leans nor one that stands goes on so far both ways.
+        let thick = (0..run as i64).filter(|step| at(far + way * step, d + deep)).count();
+        run > (contact.to - contact.from) + deep && thick > deep
     })
 }
 
