@@ -19,6 +19,9 @@ const TOGETHER: f64 = 0.025;
 const STACKED: f64 = 0.015;
 /// Two drawings of at least this share of the figures' height are two.
 const WHOLE: f64 = 0.8;
+/// So much of a box that lies in another is of the same drawing if the gap is no wider.
+const WITHIN: f64 = 0.9;
+const CUT_OFF: f64 = 0.03;
 const ROUNDS: usize = 5;
 
 /// A drawing: parts that belong together.
@@ -153,8 +156,8 @@ fn pixels<T: PartialEq>(values: &[T], width: usize, value: T, bounds: &Box2, pad
     bits
 }
 
-/// Joins drawings above each other that nearly touch: one whose outline is
-/// open falls apart at its gaps.
+/// Joins drawings above each other, and one within the other, that nearly touch: one whose outline
+/// is open falls apart at its gaps.
 fn join_stacked(
     labels: &[u32],
     width: usize,
@@ -163,8 +166,10 @@ fn join_stacked(
     size: f64,
 ) {
     let reach = (STACKED * size).max(3.0) as usize;
+    let within = (CUT_OFF * size).max(3.0) as usize;
     let of = |at: usize| labels[at].checked_sub(1).and_then(|k| drawing[k as usize]);
-    let mut pairs: std::collections::BTreeSet<(usize, usize)> = Default::default();
+    // Pairs with the smallest gap between them.
+    let mut pairs: std::collections::BTreeMap<(usize, usize), usize> = Default::default();
     for x in 0..width {
         // The last drawing met down the column, and where it ended.
         let mut last: Option<(usize, usize)> = None;
@@ -172,17 +177,21 @@ fn join_stacked(
             let Some(own) = of(y * width + x) else { continue };
             if let Some((other, end)) = last
                 && other != own
-                && y - end <= reach
+                && y - end <= within.max(reach)
             {
-                pairs.insert((other.min(own), other.max(own)));
+                let gap = pairs.entry((other.min(own), other.max(own))).or_insert(y - end);
+                *gap = (*gap).min(y - end);
             }
             last = Some((own, y));
         }
     }
     let mut to: Vec<usize> = (0..list.len()).collect();
-    for (a, b) in pairs {
+    for ((a, b), gap) in pairs {
         let (a, b) = (to[a], to[b]);
-        if a != b && is_stacked(&list[a].bounds, &list[b].bounds, size) {
+        let (one, other) = (&list[a].bounds, &list[b].bounds);
+        let is_one = (gap <= reach && is_stacked(one, other, size))
+            || (gap <= within && is_within(one, other, size));
+        if a != b && is_one {
             list[a].bounds = list[a].bounds.joined(&list[b].bounds);
             list[a].area += list[b].area;
             to.iter_mut().filter(|own| **own == b).for_each(|own| *own = a);
@@ -204,6 +213,17 @@ fn is_stacked(a: &Box2, b: &Box2, size: f64) -> bool {
     // Two whole figures in rows that nearly touch are no pair of halves.
     let whole = f64::from(a.height().min(b.height())) >= WHOLE * size;
     shared >= 0.7 * narrow && beside <= 0.5 * low && !whole
+}
+
+/// Whether one box is nearly all in the other and no whole figure: what a guide that was removed cut
+/// off from the rest of its drawing.
+fn is_within(a: &Box2, b: &Box2, size: f64) -> bool {
+    let area = |b: &Box2| f64::from(b.width()) * f64::from(b.height());
+    let (small, large) = if area(a) <= area(b) { (a, b) } else { (b, a) };
+    let side = |low: u32, high: u32| f64::from(high.saturating_sub(low));
+    let shared = side(small.left.max(large.left), small.right.min(large.right))
+        * side(small.top.max(large.top), small.bottom.min(large.bottom));
+    shared >= WITHIN * area(small) && f64::from(small.height()) < WHOLE * size
 }
 
 /// Parts within what a drawing encloses once its smallest openings are shut

@@ -211,6 +211,7 @@ pub fn sheet_document(proposals: &[PageProposal], names: &[String]) -> SheetDocu
     let view = |(figure, name): (&crate::Figure, &String)| ViewDocument {
         image: name.clone(),
         azimuth_deg: figure.azimuth.degrees(),
+        azimuth_confidence: figure.guessed(),
         ..ViewDocument::default()
     };
     SheetDocument { views: figures.zip(names).map(view).collect(), ..SheetDocument::default() }

@@ -75,6 +75,13 @@ pub struct Figure {
     pub facing: f64,
 }
 
+impl Figure {
+    /// How likely its azimuth is, if that is a guess.
+    pub fn guessed(&self) -> Option<f64> {
+        (self.confidence < 1.0).then_some(self.confidence)
+    }
+}
+
 fn degrees<S: Serializer>(azimuth: &Azimuth, serializer: S) -> Result<S::Ok, S::Error> {
     serializer.serialize_f64(azimuth.degrees())
 }

@@ -43,6 +43,8 @@ fn places_by_hand_must_be_numbers_in_range() {
     assert_eq!(refused(|view| view.scale = Some(2.0)), None);
     let told = refused(|view| view.scale = Some(0.0)).unwrap();
     assert_eq!(told, "views[1].scale is 0; give a factor from 0.125 to 8");
+    let told = refused(|view| view.azimuth_confidence = Some(1.5)).unwrap();
+    assert_eq!(told, "views[1].azimuth_confidence is 1.5; give a share from 0 to 1");
     assert!(refused(|view| view.axis_x = Some(f64::NAN)).unwrap().contains("views[1].axis_x"));
     assert!(refused(|view| view.ground_y = Some(1e9)).unwrap().contains("views[1].ground_y"));
 }

@@ -51,6 +51,11 @@ pub struct ViewDocument {
     /// Degrees, the camera moving counter-clockwise seen from above; 0 is the
     /// front, 90 shows the subject's left side.
     pub azimuth_deg: f64,
+    /// How likely the azimuth is, where it is a guess: that of a figure found on a page. A warning
+    /// says where it is uncertain.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0, max = 1))]
+    pub azimuth_confidence: Option<f64>,
     /// How far the camera is raised, degrees from -90 to 90: 0 is level, 90 looks straight down.
     /// There the azimuth only turns the picture: at 0 the front is at its bottom edge; from
     /// below, at -90, at its top edge.
@@ -101,6 +106,19 @@ pub struct ViewDocument {
     pub disparity: Option<String>,
 }
 
+/// Of azimuths guessed with less confidence about every second one is wrong; of the others 3 %.
+const SURE: f64 = 0.8;
+
+/// What a person should be told of an azimuth that was guessed, if it is uncertain.
+pub fn azimuth_doubt(azimuth_deg: f64, confidence: f64) -> Option<String> {
+    (confidence < SURE).then(|| {
+        format!(
+            "its azimuth of {azimuth_deg} degrees is a guess that is {:.0} % sure, which is often wrong; look whether the drawing shows the subject from there, and else give the azimuth by hand",
+            100.0 * confidence.max(0.0)
+        )
+    })
+}
+
 /// Places by hand are at most so far from a drawing's corner, px.
 const MAX_PLACE_PX: f64 = 65_536.0;
 
@@ -122,7 +140,7 @@ impl SheetDocument {
 }
 
 impl ViewDocument {
-    /// What is wrong with the view's place by hand: the field, its value, what would be accepted.
+    /// What is wrong with the view's place or sureness: the field, its value, what would be accepted.
     pub fn wrong_place(&self) -> Option<(&'static str, f64, &'static str)> {
         let wrong = |field, value: Option<f64>, is_good: &dyn Fn(f64) -> bool, accepted| {
             value.filter(|&value| !is_good(value)).map(|value| (field, value, accepted))
@@ -133,6 +151,15 @@ impl ViewDocument {
             .or_else(|| {
                 let is_good = |v| (0.125..=8.0).contains(&v);
                 wrong("scale", self.scale, &is_good, "a factor from 0.125 to 8")
+            })
+            .or_else(|| {
+                let is_good = |v| (0.0..=1.0).contains(&v);
+                wrong(
+                    "azimuth_confidence",
+                    self.azimuth_confidence,
+                    &is_good,
+                    "a share from 0 to 1",
+                )
             })
     }
 

@@ -9,7 +9,9 @@ mod view;
 pub use check::{
     PlacedView, SheetRequirements, check_document, check_mask_size, check_sizes, check_truth_size,
 };
-pub use document::{HoleDocument, SheetDocument, TruthDocument, TruthKind, ViewDocument};
+pub use document::{
+    HoleDocument, SheetDocument, TruthDocument, TruthKind, ViewDocument, azimuth_doubt,
+};
 pub use matches::{
     MATCHES_FRAME, MatchDocument, MatchEdit, MatchesProblem, PairEdit, PairMatchesDocument,
     SheetMatch, check_matches,

@@ -37,6 +37,8 @@ const PAGE_GUIDE_LENGTH: f64 = 0.25;
 const PAGE_ALONE: f64 = 0.12;
 const PAGE_ALONE_LENGTH: f64 = 0.06;
 const PAGE_DRAWN: f64 = 0.96;
+/// A figure's strokes are at most so many times as wide as the lines that were removed.
+const WIDEST_STROKE: f64 = 3.0;
 /// So much of a removed line beyond a figure is drawn again to look for its edges, px.
 const BEYOND_PX: usize = 16;
 /// On pages smaller than this nothing is a guide, px.
@@ -140,6 +142,9 @@ pub(crate) fn own_edges(
     (left, top): (i64, i64),
     stroke_px: f64,
 ) -> Bits {
+    // What is painted all over has no strokes, and its dark parts may pass for wide ones.
+    let thickness = lines.iter().map(|line| line.thickness).fold(1.0, f64::max);
+    let stroke_px = stroke_px.min(WIDEST_STROKE * thickness);
     // A line must go on beyond the figure to be told from it.
     let beyond = (4.0 * stroke_px).ceil() as usize + BEYOND_PX;
     let mut ink = Bits::filled(own.width + 2 * beyond, own.height + 2 * beyond, false);

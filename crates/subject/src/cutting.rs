@@ -2,12 +2,18 @@
 //! needs is drawn again.
 
 use crate::raster::{Bits, filled};
+use crate::report::Box2;
 use crate::straight::Line;
 
 /// Paper between two feet is so long, of the longer foot, or so many times as
 /// high as it is long.
 const AS_LONG: f64 = 0.8;
 const AS_HIGH: f64 = 2.5;
+/// An area borders on a stretch if it is so much of what lies just beside it: a sliver below what
+/// is round and just above the line is none.
+const BORDERED: f64 = 0.5;
+/// An area as low, of the figure's height from the line on, is closed for less than it may spoil.
+const LOW: f64 = 0.1;
 /// Smaller areas are noise, px².
 const LEAST_AREA: usize = 6;
 
@@ -59,7 +65,8 @@ pub(crate) fn cut_all(
 /// must be drawn to close it, but for paper between its feet.
 ///
 /// Paper between feet borders on one stretch alone, on either side of which the
-/// figure stands, and is long or high; the first and last stretches are feet.
+/// figure stands, and is long or high; the first and last stretches are feet. It is also what lies
+/// between two feet that are closed without the line, and what is low: below a base on castors.
 ///
 /// * `all`: `ink` with all stretches drawn again.
 fn figure_stretches(
@@ -69,9 +76,11 @@ fn figure_stretches(
     stroke_px: f64,
     stretches: &[(&Contact, &Contact)],
 ) -> Vec<bool> {
-    let gained = filled(all).and_not(&filled(ink)).and_not(all);
+    let inside = filled(ink);
+    let gained = filled(all).and_not(&inside).and_not(all);
     let regions = gained.components(false);
     let (first, last) = (line.thickness / 2.0 + 1.0, contact_offset(line, stroke_px) + stroke_px);
+    let across = |b: &Box2| f64::from(if line.upright { b.width() } else { b.height() });
     let beside = |(a, b): &(&Contact, &Contact)| -> Option<usize> {
         let mut counts = std::collections::BTreeMap::new();
         for along in a.to + 1..b.from {
@@ -86,24 +95,68 @@ fn figure_stretches(
                 *counts.entry(label).or_insert(0_usize) += 1;
             }
         }
+        let all: usize = counts.values().sum();
         let largest = counts.into_iter().filter(|(label, _)| *label != 0).max_by_key(|c| c.1)?;
         let region = largest.0 as usize - 1;
-        (regions.parts[region].area >= LEAST_AREA).then_some(region)
+        let is_most = largest.1 as f64 >= BORDERED * all as f64;
+        let is_deep = across(&regions.parts[region].bounds) > last.ceil();
+        (is_most && is_deep && regions.parts[region].area >= LEAST_AREA).then_some(region)
     };
     let own: Vec<Option<usize>> = stretches.iter().map(beside).collect();
+    let tall = stretches.first().map_or(0.0, |(contact, _)| extent(ink, line, contact.side));
     let length = |k: usize| (stretches[k].1.from.saturating_sub(stretches[k].0.to)) as f64;
     let is_paper = |k: usize| {
         let Some(region) = own[k] else { return false };
+        let high = across(&regions.parts[region].bounds);
+        if high <= LOW * tall {
+            return true;
+        }
+        let (before, behind) = stretches[k];
+        if is_closed(&inside, line, before, -1, stroke_px)
+            && is_closed(&inside, line, behind, 1, stroke_px)
+        {
+            return true;
+        }
         let alone = own.iter().filter(|other| **other == Some(region)).count() == 1;
         if k == 0 || k + 1 == stretches.len() || !alone {
             return false;
         }
-        let bounds = &regions.parts[region].bounds;
-        let high = f64::from(if line.upright { bounds.width() } else { bounds.height() });
         let feet = length(k - 1).max(length(k + 1));
         length(k) >= AS_LONG * feet || high >= AS_HIGH * length(k)
     };
     (0..stretches.len()).map(|k| own[k].is_some() && !is_paper(k)).collect()
+}
+
+/// How far `ink` goes on from a line on one side.
+fn extent(ink: &Bits, line: &Line, side: f64) -> f64 {
+    let from = line.across((line.from + line.to) / 2);
+    let length = if line.upright { ink.width } else { ink.height };
+    let is_inked = |across: &usize| match line.upright {
+        true => (0..ink.height).any(|y| ink.at(*across as i64, y as i64)),
+        false => ink.row(*across).contains(&true),
+    };
+    let last = if side < 0.0 { (0..length).find(is_inked) } else { (0..length).rfind(is_inked) };
+    last.map_or(0.0, |across| (side * (across as f64 - from)).max(0.0))
+}
+
+/// Whether what meets a line is closed without it: on its side `way`, before it or behind, `inside`
+/// goes on for longer than a stroke is wide, and away from the line too.
+fn is_closed(inside: &Bits, line: &Line, contact: &Contact, way: i64, stroke_px: f64) -> bool {
+    let first = contact_offset(line, stroke_px) as usize;
+    let deep = (3.0 * stroke_px + 3.0).ceil() as usize;
+    let at = |along: i64, d: usize| {
+        let offset = contact.side * d as f64;
+        let across = (line.across(usize::try_from(along).unwrap_or(0)) + offset).floor() as i64;
+        if line.upright { inside.at(across, along) } else { inside.at(along, across) }
+    };
+    // What ends in the contact is followed to the other side of a stroke and beyond.
+    let far = if way < 0 { contact.to } else { contact.from } as i64;
+    (first..=first + deep).any(|d| {
+        let run = (0..).take_while(|step| at(far + way * step, d)).count();
+        // Neither a stroke that leans nor one that stands goes on so far both ways.
+        let thick = (0..run as i64).filter(|step| at(far + way * step, d + deep)).count();
+        run > (contact.to - contact.from) + deep && thick > deep
+    })
 }
 
 /// A view of the raster along a line: `(along, across)`.

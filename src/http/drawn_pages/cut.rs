@@ -269,6 +269,8 @@ impl Searched {
             attach: points(&figure.attach),
             ignore: points(&figure.ignore),
         };
+        let doubt = sheet::azimuth_doubt(figure.azimuth_deg, figure.confidence);
+        figure.warnings.extend(doubt);
         let found = subject::find(&crop, &hints, &SubjectOptions::default(), &|| false);
         let mask = found.map(|subject| {
             figure.warnings.extend(subject.warnings.iter().map(ToString::to_string));

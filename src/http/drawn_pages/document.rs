@@ -256,6 +256,7 @@ impl PageContent {
             ViewDocument {
                 image: format!("{prefix}{}", figure_file(index, "crop")),
                 azimuth_deg: figure.azimuth_deg,
+                azimuth_confidence: (figure.confidence < 1.0).then_some(figure.confidence),
                 mask_with_outline: mask.is_some() && figure.mask_with_outline,
                 mask,
                 polygon: figure.in_crop(&figure.polygon),

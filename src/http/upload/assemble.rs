@@ -102,7 +102,9 @@ fn assemble_views(parts: &mut Parts, limits: &HttpLimits) -> Result<Assembled, P
         let mask = masks.remove(&view.viewpoint()).map(Picture::from);
         let truth = truths.remove(&view.viewpoint());
         let truth = truth.map(|file| TruthPicture { kind: fields.kind, picture: file.into() });
-        Some(PicturedView { view, drawing, mask, truth, given: ViewDocument::default() })
+        let azimuth_confidence = parts.guessed.get(&view.viewpoint()).copied();
+        let given = ViewDocument { azimuth_confidence, ..ViewDocument::default() };
+        Some(PicturedView { view, drawing, mask, truth, given })
     };
     let views = placed.into_iter().filter_map(pictured).collect();
     if let Some((view, file)) = masks.into_iter().chain(truths).next() {

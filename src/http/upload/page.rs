@@ -23,6 +23,14 @@ pub(crate) struct PageParts {
     pub azimuths: Option<String>,
 }
 
+/// A view that was cut out of a page.
+pub(super) struct PageView {
+    pub viewpoint: Viewpoint,
+    pub drawing: FilePart,
+    /// How likely its azimuth is, if that was guessed.
+    pub confidence: Option<f64>,
+}
+
 impl PageParts {
     /// The name of a part that was given, if one was.
     pub(super) fn any(&self) -> Option<String> {
@@ -35,7 +43,7 @@ impl PageParts {
         self,
         decoders: &Decoders,
         limits: &HttpLimits,
-    ) -> Result<Vec<(Viewpoint, FilePart)>, Problem> {
+    ) -> Result<Vec<PageView>, Problem> {
         let Some(page) = self.page else {
             let detail = "`azimuths` is given without a `page` whose figures have them";
             return match self.azimuths {
@@ -53,14 +61,18 @@ fn cut(
     bytes: Bytes,
     azimuths: Option<&[Azimuth]>,
     limits: &HttpLimits,
-) -> Result<Vec<(Viewpoint, FilePart)>, Problem> {
+) -> Result<Vec<PageView>, Problem> {
     let (pictures, proposals) = search(&[bytes], azimuths, limits)?;
     let mut views = Vec::new();
     for (picture, proposal) in pictures.iter().zip(&proposals) {
         for (index, figure) in proposal.figures.iter().enumerate() {
             let bytes = encoded(picture, proposal, index)?;
             let file = format!("page, view {}", figure.azimuth);
-            views.push((figure.azimuth.into(), FilePart { file, bytes }));
+            views.push(PageView {
+                viewpoint: figure.azimuth.into(),
+                drawing: FilePart { file, bytes },
+                confidence: figure.guessed(),
+            });
         }
     }
     Ok(views)

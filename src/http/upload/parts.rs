@@ -1,5 +1,7 @@
 //! Reads the parts of an upload of drawings.
 
+use std::collections::BTreeMap;
+
 use bytes::{Bytes, BytesMut};
 use multer::{Field, Multipart};
 
@@ -38,6 +40,8 @@ pub(crate) struct FilePart {
 #[derive(Debug, Default)]
 pub(crate) struct Parts {
     pub views: Vec<(Viewpoint, FilePart)>,
+    /// How likely the azimuths are that were guessed.
+    pub guessed: BTreeMap<Viewpoint, f64>,
     pub masks: Vec<(Viewpoint, FilePart)>,
     /// Pictures of true values.
     pub truths: Vec<(Viewpoint, FilePart)>,
@@ -225,7 +229,10 @@ impl JobForm for Parts {
             let others = [self.source.as_ref().map(|_| "source".to_owned()), self.any_of_others()];
             self.expect_only(&part, [others[0].as_ref(), others[1].as_ref(), None])?;
             let page = std::mem::take(&mut self.page);
-            self.views = page.views(&api.decoders, &api.limits).await?;
+            for view in page.views(&api.decoders, &api.limits).await? {
+                self.guessed.extend(view.confidence.map(|sure| (view.viewpoint, sure)));
+                self.views.push((view.viewpoint, view.drawing));
+            }
         }
         let fetched = fetch::fetch(api, &mut self).await?;
         let has_matches;

@@ -2,8 +2,9 @@
 //! against what is true of each page.
 //!
 //! `cargo run --release -p page --example page_accuracy -- [--models DIR]
-//! [--large WIDTHxHEIGHT] [--most N] [--names A,B] [--pages N] [--seed N] [--failures DIR]
-//! [--save DIR]`. What it saves is what the example `page_drafts` of the service makes drafts of: a
+//! [--large WIDTHxHEIGHT] [--most N] [--names A,B] [--pages N] [--seed N] [--traits A,B]
+//! [--failures DIR] [--save DIR]`. With traits only pages that have one of them are searched, such as
+//! `guides,ground`. What it saves is what the example `page_drafts` of the service makes drafts of: a
 //! folder a page with `page.png`, `views/AZIMUTH.png`, the same drawings alone, `model.obj`, Z up,
 //! and `azimuths.txt`, those of the views in reading order.
 
@@ -23,6 +24,9 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use subject::{Hints, SubjectOptions};
 
+/// A cut-out is as good as the drawing alone if their silhouettes have at least this IoU.
+const WELL_CUT: f64 = 0.95;
+
 /// What was right about one page.
 #[derive(Default)]
 struct Outcome {
@@ -32,8 +36,9 @@ struct Outcome {
     missed: usize,
     false_ones: usize,
     ious: Vec<f64>,
-    /// IoU of the silhouette found in each cut-out with the one found in the drawing alone.
-    silhouettes: Vec<f64>,
+    /// Each figure's number and the IoU of the silhouette found in its cut-out with the one found
+    /// in the drawing alone.
+    cut: Vec<(usize, f64)>,
     tellable: usize,
     right: usize,
     all_views: usize,
@@ -73,12 +78,17 @@ fn main() {
     }
     let saved = arguments.get("--save").map(PathBuf::from);
     let seed = number("--seed", 1);
+    let traits = arguments.get("--traits").map_or("", String::as_str);
+    let traits: Vec<&str> = traits.split(',').filter(|name| !name.is_empty()).collect();
     let outcomes: Vec<Outcome> = (0..number("--pages", 300))
         .into_par_iter()
-        .map(|index| {
+        .filter_map(|index| {
             let mut random = ChaCha8Rng::seed_from_u64(seed * 1_000_003 + index);
             let subject = &subjects[index as usize % subjects.len()];
             let page = compose(subject, &subjects, &mut random);
+            if !traits.is_empty() && !page.traits.iter().any(|own| traits.contains(own)) {
+                return None;
+            }
             let rgba = image::DynamicImage::ImageRgb8(page.picture.clone()).into_rgba8();
             let proposal = propose(&rgba, &PageOptions::default(), &Silent);
             let outcome = judged(&page, &rgba, proposal.as_ref().ok(), &subject.name);
@@ -98,7 +108,13 @@ fn main() {
                 }
                 .expect("the preview");
             }
-            outcome
+            if let (Some(folder), Ok(proposal)) = (&failures, &proposal) {
+                for &(k, iou) in outcome.cut.iter().filter(|(_, iou)| *iou < WELL_CUT) {
+                    let name = format!("cut_{index:03}_{}_{k}_{iou:.2}.png", subject.name);
+                    cut_out(&rgba, proposal, k).save(folder.join(name)).expect("the cut-out");
+                }
+            }
+            Some(outcome)
         })
         .collect();
     report(&outcomes);
@@ -224,7 +240,7 @@ fn judged(
         free[k] = false;
         own.found += 1;
         own.ious.push(iou_of(k));
-        own.silhouettes.push(silhouette_iou(rgba, proposal, k, view));
+        own.cut.push((k, silhouette_iou(rgba, proposal, k, view)));
         let figure = &proposal.figures[k];
         let off = (figure.azimuth.degrees() - view.azimuth_deg).rem_euclid(360.0);
         let right = off.min(360.0 - off) < 22.5;
@@ -275,10 +291,10 @@ fn report(outcomes: &[Outcome]) {
         share(ious.iter().filter(|v| **v > 0.9).count(), ious.len()),
         ious.iter().sum::<f64>() / ious.len().max(1) as f64
     );
-    let silhouettes: Vec<f64> = outcomes.iter().flat_map(|o| o.silhouettes.clone()).collect();
+    let silhouettes: Vec<f64> = outcomes.iter().flat_map(|o| &o.cut).map(|(_, iou)| *iou).collect();
     println!(
         "silhouettes of cut-outs as of drawings alone, IoU above .95: {}; mean {:.3}",
-        share(silhouettes.iter().filter(|v| **v > 0.95).count(), silhouettes.len()),
+        share(silhouettes.iter().filter(|v| **v > WELL_CUT).count(), silhouettes.len()),
         silhouettes.iter().sum::<f64>() / silhouettes.len().max(1) as f64
     );
     println!(
