@@ -288,7 +288,8 @@ impl DecodedView<'_> {
         let Drawing { gray, alpha } = picture::flatten(&self.drawing);
         let level = View::level(self.azimuth, gray, self.mask.or(alpha));
         let mask_was_found = self.document.mask_with_outline && level.mask.is_some();
-        View { elevation: self.elevation, mask_was_found, ..level }
+        let mask_has_holes = self.document.mask_has_holes && level.mask.is_some();
+        View { elevation: self.elevation, mask_was_found, mask_has_holes, ..level }
     }
 }
 

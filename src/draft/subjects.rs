@@ -544,8 +544,9 @@ fn view_of(
     let (azimuth, elevation) = (view.azimuth, view.elevation);
     let given = matches!(subject.kind, DrawingKind::Given | DrawingKind::CutOut);
     let mask_was_found = !given || view.document.mask_with_outline;
-    let mask_has_holes =
+    let leaves_out =
         matches!(subject.kind, DrawingKind::Flat | DrawingKind::Shaded | DrawingKind::CutOut);
+    let mask_has_holes = leaves_out || view.document.mask_has_holes;
     let (image, mask, color, cut_out): (GrayImage, GrayImage, _, _) = match aligned {
         Some(Aligned { mask, ink, colour }) => (ink, mask, color_of(&colour), colour),
         None => (subject.ink, subject.mask, color_of(&view.drawing), subject.colour),

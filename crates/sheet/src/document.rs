@@ -69,6 +69,10 @@ pub struct ViewDocument {
     /// the stroke's middle.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub mask_with_outline: bool,
+    /// Whether the mask leaves out what one sees through, so that no holes need be looked for, as
+    /// masks found in painted drawings do.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub mask_has_holes: bool,
     /// The subject's outline by hand, px from the drawing's top left corner.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub polygon: Vec<[f64; 2]>,
