@@ -16,8 +16,6 @@ pub(crate) type Area = Bits;
 
 /// More of the subject in areas of colour is a coloured drawing.
 const COLOURED: f64 = 0.3;
-/// Of what is dark in a painted drawing, the share that is lines at least.
-const THIN_SHARE: f64 = 0.25;
 /// And with more it is painted all over.
 pub(crate) const PAINTED: f64 = 0.6;
 /// Strokes are at most this wide, share of the figure's size.
@@ -101,17 +99,10 @@ impl Structure {
         let mut painted = above(&colour, tone.tolerance.max(CLEAR_COLOUR));
         let around = own.cleared.dilated(2.0);
         painted = painted.and_not(&around);
-        let mut areas = painted.opened((1.5 * own.stroke + 1.0) as f32);
+        let areas = painted.opened((1.5 * own.stroke + 1.0) as f32);
         let mut barrier = lines.clone().or(&areas);
-        let mut coverage = own.coverage(&barrier, &areas);
+        let coverage = own.coverage(&barrier, &areas);
         if coverage > COLOURED {
-            // Dark areas are ink as well, and limbs that are painted no strokes.
-            let narrow = strokes::width_of(&lines, THIN_SHARE);
-            if narrow < own.stroke {
-                own.stroke = narrow;
-                areas = painted.opened((1.5 * own.stroke + 1.0) as f32);
-                coverage = own.coverage(&lines.clone().or(&areas), &areas);
-            }
             let from = tone.tolerance.max(CLEAR_COLOUR).max(HALO * typical(&colour, &areas));
             let painted = painted.and_not(&above(&colour, from).not());
             barrier = lines.clone().or(&painted.opened((0.5 * own.stroke).max(1.0) as f32));
