@@ -143,7 +143,7 @@ impl Bits {
         // The half width of the disc by distance from its middle row.
         let is_near = |dx: usize, dy: usize| ((dx * dx + dy * dy) as f32).sqrt() <= radius;
         let mut halves = Vec::new();
-        let mut half = (radius.max(0.0) as usize + 1).min(self.width);
+        let mut half = (radius.max(0.0) as usize).saturating_add(1).min(self.width);
         while is_near(0, halves.len()) && halves.len() <= self.height {
             while !is_near(half, halves.len()) {
                 half -= 1;
