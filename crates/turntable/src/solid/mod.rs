@@ -102,6 +102,8 @@ const MIN_COVER: f64 = 0.95;
 /// leave less than this share of the volume: panels of a solid body, say.
 const MIN_COVER_GAIN: f64 = 0.03;
 const MAX_HOLLOWED: f64 = 0.5;
+/// Outlines are nowhere narrower than this, share of the pitch: sheets seen edge-on are strokes.
+const THINNEST: f64 = 1.5;
 /// Fewer triangles bound no shape worth having.
 const MIN_TARGET_FACES: usize = 100;
 
@@ -216,9 +218,6 @@ fn prepared_sheet(
 }
 
 /// The solid's surface, coarser where it is flat.
-/// Outlines are nowhere narrower than this, share of the pitch: sheets seen edge-on are strokes.
-const THINNEST: f64 = 1.5;
-
 fn full_mesh(
     sheet: &SolidSheet,
     input: &SolidInput,
@@ -291,7 +290,7 @@ fn full_mesh(
         Some(bounds) => surface_of(&bounds.applied(field), options),
     };
     let asks = options.prior != Switch::Off && options.kind == SolidKind::Creased;
-    // Others need none here.
+    // Only creased solids are smoothed, and kept within their hulls.
     let hulls = if options.kind == SolidKind::Creased { &hulls[..] } else { &[] };
     let without = || match options.kind {
         SolidKind::Creased => surface(&smoothing::smoothed(&field, hulls, &directions, apart)),

@@ -25,22 +25,21 @@ impl Outline {
         let mask = silhouette.mask().as_raw();
         let reach = silhouette.half_line_px().round() as usize;
         let shifted = |bounds: &(f64, f64)| (bounds.0 - axis_px, bounds.1 - axis_px);
-        let whole = |y: usize| -> Vec<(f64, f64)> {
+        let whole = |mask: &[u8], y: usize| -> Vec<(f64, f64)> {
             let runs = mask.get(y * width..(y + 1) * width).into_iter().flat_map(runs);
             runs.map(|(from, to)| shifted(&(from as f64, to as f64))).collect()
         };
-        let alone = alone(mask, width, 2.0 * silhouette.half_line_px() + ALONE_PX);
+        let most_px = 2.0 * silhouette.half_line_px() + ALONE_PX;
+        let alone = if reach == 0 { Vec::new() } else { alone(mask, width, most_px) };
         let rows = (0..height)
             .map(|y| {
                 let own: Vec<_> = silhouette.intervals_px(y).iter().map(shifted).collect();
                 if reach == 0 || own.is_empty() {
                     return own;
                 }
-                let above = y.checked_sub(reach).map(whole).unwrap_or_default();
-                let cut = intersection(&intersection(&own, &above), &whole(y + reach));
-                let strokes = runs(&alone[y * width..(y + 1) * width]);
-                let strokes: Vec<_> =
-                    strokes.map(|(from, to)| shifted(&(from as f64, to as f64))).collect();
+                let above = y.checked_sub(reach).map(|y| whole(mask, y)).unwrap_or_default();
+                let cut = intersection(&intersection(&own, &above), &whole(mask, y + reach));
+                let strokes = whole(&alone, y);
                 if strokes.is_empty() {
                     cut
                 } else {
