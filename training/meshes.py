@@ -95,15 +95,21 @@ class MeshScene:
     def __init__(s, points, corners, owner, codes, shells): s.points, s.corners, s.owner, s.codes, s.shells = points, corners, owner, codes, shells
     def rays(s, ker, g, v, H, W, up, far): return ker.mesh_rays(s.points, s.corners, s.owner, s.codes, g, v, H, W, up)
     def occupancy(s, ker, g, dims):
-        """[B, *dims], 1 inside: by the winding number along each axis; of shells what six sides close in, and the surface"""
-        total, count = ker.crossings(s.points, s.corners, s.owner, g, dims); sides = []; closed = 0; surface = False
+        """[B, *dims] twice, 1 inside: by the winding number along each axis, of shells what six sides close in and the
+        surface; and 1 on sheets, which bound nothing or are thinner than a cell: both cells that they lie between"""
+        total, count = ker.crossings(s.points, s.corners, s.owner, g, dims); sides = []; hits = []; closed = 0; surface = False
         for axis, (dim, flip) in enumerate(((3, False), (2, False), (1, True))):
             n, k = total[:, axis], count[:, axis]
             if flip: n, k = n.flip(dim), k.flip(dim)
             below = n.cumsum(dim, dtype=torch.int32); sees = k.cumsum(dim, dtype=torch.int32); whole, all_ = below.narrow(dim, -1, 1), sees.narrow(dim, -1, 1)
             w = below.float() - whole.float() / 2; hit = k > 0; k = (sees > 0).to(torch.uint8) + (all_ > sees).to(torch.uint8)
             if flip: w, k, hit = w.flip(dim), k.flip(dim), hit.flip(dim)
-            sides.append(w); closed = closed + k; surface = surface | hit
+            sides.append(w); hits.append((dim, -1 if flip else 1, hit)); closed = closed + k; surface = surface | hit
         a, b, c = sides                                       # their median: one may miss a crossing
         solid = torch.maximum(torch.minimum(a, b), torch.minimum(torch.maximum(a, b), c)).abs() > .5
-        return (solid | s.shells.view(-1, 1, 1, 1) & ((closed == 6) | surface)).float()
+        solid = solid | s.shells.view(-1, 1, 1, 1) & ((closed == 6) | surface)
+        sheets = torch.zeros_like(solid)
+        for dim, by, hit in hits:                             # a crossing lies between a cell and the one before it
+            free = hit & ~solid & ~solid.roll(by, dim)
+            sheets |= free | free.roll(-by, dim)
+        return solid.float(), sheets.float()
