@@ -49,9 +49,14 @@ impl End {
     }
 }
 
-/// The width of most strokes, px: twice the ink per length of skeleton where
-/// that is not much thicker than usual. At least 1.
+/// The width of most strokes, px. At least 1.
 pub(crate) fn typical_width(ink: &Bits) -> f64 {
+    width_of(ink, 0.5)
+}
+
+/// The width that a share of all ridges of the ink stays below, px: twice their distance from
+/// paper, less the pixel that both sides share. At least 1.
+pub(crate) fn width_of(ink: &Bits, share: f64) -> f64 {
     let depth = ink.not().distance();
     let (w, h) = (ink.width as i64, ink.height as i64);
     let mut widths: Vec<f32> = Vec::new();
@@ -72,8 +77,8 @@ pub(crate) fn typical_width(ink: &Bits) -> f64 {
     if widths.is_empty() {
         return 1.0;
     }
-    let middle = widths.len() / 2;
-    f64::from(*widths.select_nth_unstable_by(middle, f32::total_cmp).1).max(1.0)
+    let place = (widths.len() as f64 * share) as usize;
+    f64::from(*widths.select_nth_unstable_by(place, f32::total_cmp).1).max(1.0)
 }
 
 /// The ends of strokes about `width_px` wide.

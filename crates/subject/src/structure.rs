@@ -16,6 +16,8 @@ pub(crate) type Area = Bits;
 
 /// More of the subject in areas of colour is a coloured drawing.
 const COLOURED: f64 = 0.3;
+/// Of what is dark in a coloured drawing, at least this share is lines: dark areas are ink as well.
+const LINES: f64 = 0.25;
 /// And with more it is painted all over.
 pub(crate) const PAINTED: f64 = 0.6;
 /// Strokes are at most this wide, share of the figure's size.
@@ -50,6 +52,11 @@ pub(crate) struct Structure {
     pub(crate) pieces: Vec<Piece>,
     pub(crate) gaps: Vec<Gap>,
     pub(crate) warnings: Vec<Warning>,
+}
+
+/// The share of what the barrier encloses that is in areas of colour.
+fn coverage(barrier: &Bits, areas: &Bits) -> f64 {
+    areas.count() as f64 / filled(barrier).count().max(1) as f64
 }
 
 /// The figure's size, to which lengths are scaled: its height, or most of its
@@ -99,10 +106,14 @@ impl Structure {
         let mut painted = above(&colour, tone.tolerance.max(CLEAR_COLOUR));
         let around = own.cleared.dilated(2.0);
         painted = painted.and_not(&around);
-        let areas = painted.opened((1.5 * own.stroke + 1.0) as f32);
+        let areas_beside = |stroke: f64| painted.opened((1.5 * stroke + 1.0) as f32);
+        let areas = areas_beside(own.stroke);
         let mut barrier = lines.clone().or(&areas);
-        let coverage = own.coverage(&barrier, &areas);
-        if coverage > COLOURED {
+        let mut all_over = false;
+        if coverage(&barrier, &areas) > COLOURED {
+            let areas_of_lines = areas_beside(strokes::width_of(&lines, LINES).min(own.stroke));
+            let both = lines.clone().or(&areas_of_lines);
+            all_over = coverage(&both, &areas_of_lines) > PAINTED;
             let from = tone.tolerance.max(CLEAR_COLOUR).max(HALO * typical(&colour, &areas));
             let painted = painted.and_not(&above(&colour, from).not());
             barrier = lines.clone().or(&painted.opened((0.5 * own.stroke).max(1.0) as f32));
@@ -118,7 +129,7 @@ impl Structure {
             own.warnings.push(Warning::CutByEdge { side });
         }
         // What is painted nearly all over has no gaps; its limbs are no strokes.
-        let inside = if coverage > PAINTED {
+        let inside = if all_over {
             filled(&barrier)
         } else {
             own.close_gaps(&mut barrier, &lines, options)
@@ -202,12 +213,6 @@ impl Structure {
             self.removed.extend(text.lines.into_iter().map(caption));
             *bits = bits.clone().and_not(&text.pixels);
         }
-    }
-
-    /// The share of what the barrier encloses that is in areas of colour.
-    fn coverage(&self, barrier: &Bits, areas: &Bits) -> f64 {
-        let inside = filled(barrier);
-        areas.count() as f64 / inside.count().max(1) as f64
     }
 
     fn close_gaps(&mut self, barrier: &mut Bits, lines: &Bits, options: &SubjectOptions) -> Bits {
