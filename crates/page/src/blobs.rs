@@ -82,28 +82,17 @@ impl Blobs {
             }
         }
         absorb_islands(&parts, inside.width, &mut drawing, &mut list);
-        let free =
-            |k: usize, drawing: &[Option<usize>]| drawing[k].is_none() && !lettering.is_letter[k];
-        for _ in 0..ROUNDS {
-            let reach = (NEAR * size).ceil() as u16;
-            let near = nearest(&parts.labels, inside.width, &drawing, reach);
-            let mut changed = false;
-            for k in (0..count).filter(|&k| free(k, &drawing)).collect::<Vec<_>>() {
-                let Some((gap, to)) = near[k] else { continue };
-                if belongs(&parts.parts[k], &list[to], f64::from(gap)) {
-                    drawing[k] = Some(to);
-                    list[to].bounds = list[to].bounds.joined(&parts.parts[k].bounds);
-                    list[to].area += parts.parts[k].area;
-                    changed = true;
-                }
-            }
-            if !changed {
-                break;
-            }
+        let is_free: Vec<bool> = lettering.is_letter.iter().map(|letter| !letter).collect();
+        let absorb = |drawing: &mut [Option<usize>], list: &mut [Blob]| {
+            absorb_near(&parts, inside.width, &is_free, drawing, list, size);
+        };
+        absorb(&mut drawing, &mut list);
+        if join_stacked(&parts.labels, inside.width, &mut drawing, &mut list, size) {
+            // What a guide cut off below may now lie beside its drawing.
+            absorb(&mut drawing, &mut list);
         }
-        join_stacked(&parts.labels, inside.width, &mut drawing, &mut list, size);
         // What is left makes drawings of its own where it is close together.
-        let is_left = |k: usize| free(k, &drawing) && side(k) > speck;
+        let is_left = |k: usize| drawing[k].is_none() && is_free[k] && side(k) > speck;
         let left = parts.select(inside.width, is_left);
         let reach = (TOGETHER * size / 2.0).max(1.0) as f32;
         let joined = left.dilated(reach).components(true);
@@ -156,20 +145,52 @@ fn pixels<T: PartialEq>(values: &[T], width: usize, value: T, bounds: &Box2, pad
     bits
 }
 
+/// Gives small parts that are near a drawing to it.
+///
+/// * `is_free`: whether a part may be of a drawing.
+fn absorb_near(
+    parts: &Components,
+    width: usize,
+    is_free: &[bool],
+    drawing: &mut [Option<usize>],
+    list: &mut [Blob],
+    size: f64,
+) {
+    let reach = (NEAR * size).ceil() as u16;
+    for _ in 0..ROUNDS {
+        let near = nearest(&parts.labels, width, drawing, reach);
+        let mut changed = false;
+        for k in 0..parts.parts.len() {
+            if drawing[k].is_some() || !is_free[k] {
+                continue;
+            }
+            let Some((gap, to)) = near[k] else { continue };
+            if belongs(&parts.parts[k], &list[to], f64::from(gap)) {
+                drawing[k] = Some(to);
+                list[to].bounds = list[to].bounds.joined(&parts.parts[k].bounds);
+                list[to].area += parts.parts[k].area;
+                changed = true;
+            }
+        }
+        if !changed {
+            break;
+        }
+    }
+}
+
 /// Joins drawings above each other, and one within the other, that nearly touch: one whose outline
-/// is open falls apart at its gaps.
+/// is open falls apart at its gaps. Whether any were.
 fn join_stacked(
     labels: &[u32],
     width: usize,
     drawing: &mut [Option<usize>],
     list: &mut Vec<Blob>,
     size: f64,
-) {
+) -> bool {
     let reach = (STACKED * size).max(3.0) as usize;
-    let within = (CUT_OFF * size).max(3.0) as usize;
     let of = |at: usize| labels[at].checked_sub(1).and_then(|k| drawing[k as usize]);
-    // Pairs with the smallest gap between them.
-    let mut pairs: std::collections::BTreeMap<(usize, usize), usize> = Default::default();
+    // Pairs that are above each other.
+    let mut pairs: std::collections::BTreeSet<(usize, usize, Joined)> = Default::default();
     for x in 0..width {
         // The last drawing met down the column, and where it ended.
         let mut last: Option<(usize, usize)> = None;
@@ -177,20 +198,24 @@ fn join_stacked(
             let Some(own) = of(y * width + x) else { continue };
             if let Some((other, end)) = last
                 && other != own
-                && y - end <= within.max(reach)
+                && y - end <= reach
             {
-                let gap = pairs.entry((other.min(own), other.max(own))).or_insert(y - end);
-                *gap = (*gap).min(y - end);
+                pairs.insert((other.min(own), other.max(own), Joined::Stacked));
             }
             last = Some((own, y));
         }
     }
+    let within = (CUT_OFF * size).max(3.0) as u16;
+    let beside = beside(labels, width, drawing, within);
+    pairs.extend(beside.into_iter().map(|(a, b)| (a, b, Joined::Within)));
     let mut to: Vec<usize> = (0..list.len()).collect();
-    for ((a, b), gap) in pairs {
+    for (a, b, joined) in pairs {
         let (a, b) = (to[a], to[b]);
         let (one, other) = (&list[a].bounds, &list[b].bounds);
-        let is_one = (gap <= reach && is_stacked(one, other, size))
-            || (gap <= within && is_within(one, other, size));
+        let is_one = match joined {
+            Joined::Stacked => is_stacked(one, other, size),
+            Joined::Within => is_within(one, other, size),
+        };
         if a != b && is_one {
             list[a].bounds = list[a].bounds.joined(&list[b].bounds);
             list[a].area += list[b].area;
@@ -201,7 +226,56 @@ fn join_stacked(
     let kept: Vec<usize> = (0..list.len()).filter(|&k| to[k] == k).collect();
     let place = |k: usize| kept.binary_search(&to[k]).expect("a drawing that was kept");
     drawing.iter_mut().flatten().for_each(|own| *own = place(*own));
+    let any = kept.len() < list.len();
     *list = kept.iter().map(|&k| list[k]).collect();
+    any
+}
+
+/// How two drawings may be one.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Joined {
+    Stacked,
+    Within,
+}
+
+/// Pairs of drawings at most `gap` px apart, counted as a king moves; a gap of one more may pass.
+fn beside(
+    labels: &[u32],
+    width: usize,
+    drawing: &[Option<usize>],
+    gap: u16,
+) -> std::collections::BTreeSet<(usize, usize)> {
+    let mut near: Vec<Option<(usize, u16)>> =
+        labels.iter().map(|label| Some((drawing[label.checked_sub(1)? as usize]?, 0))).collect();
+    let mut front: Vec<usize> = (0..near.len()).filter(|&at| near[at].is_some()).collect();
+    let mut pairs = std::collections::BTreeSet::new();
+    let height = labels.len() / width.max(1);
+    // Drawings grow until they meet halfway.
+    for _ in 0..=gap.div_ceil(2) {
+        let mut next = Vec::new();
+        for at in front {
+            let (own, far) = near[at].expect("only what is near is in front");
+            let (x, y) = (at % width, at / width);
+            for v in y.saturating_sub(1)..(y + 2).min(height) {
+                for u in x.saturating_sub(1)..(x + 2).min(width) {
+                    match &mut near[v * width + u] {
+                        Some((other, beyond)) if *other != own => {
+                            if far + *beyond <= gap {
+                                pairs.insert((own.min(*other), own.max(*other)));
+                            }
+                        }
+                        Some(_) => {}
+                        free => {
+                            *free = Some((own, far + 1));
+                            next.push(v * width + u);
+                        }
+                    }
+                }
+            }
+        }
+        front = next;
+    }
+    pairs
 }
 
 /// Whether one box is above the other, most of the narrower one's width shared.
@@ -304,4 +378,27 @@ fn nearest(
         front = next;
     }
     near
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_leg_that_a_guide_cut_off_sideways_is_of_its_body_and_a_prop_further_off_is_not() {
+        let drawings = |leg: i64| {
+            let mut bits = Bits::filled(400, 260, false);
+            let mut block = |x0: i64, y0: i64, x1: i64, y1: i64| {
+                (y0..y1).for_each(|y| (x0..x1).for_each(|x| bits.set(x, y, true)));
+            };
+            block(50, 20, 350, 120);
+            block(106, 120, 140, 150);
+            block(300, 120, 310, 220);
+            // Beside the thigh's end, not below it.
+            block(leg - 6, 153, leg, 219);
+            Blobs::of(&bits, 200.0).list.len()
+        };
+        assert_eq!(drawings(102), 1);
+        assert_eq!(drawings(86), 2);
+    }
 }

@@ -129,11 +129,8 @@ impl Structure {
             own.warnings.push(Warning::CutByEdge { side });
         }
         // What is painted nearly all over has no gaps; its limbs are no strokes.
-        let inside = if all_over {
-            filled(&barrier)
-        } else {
-            own.close_gaps(&mut barrier, &lines, options)
-        };
+        let inside =
+            if all_over { filled(&barrier) } else { own.close_gaps(&mut barrier, &lines, options) };
         own.bridged = barrier.clone().and_not(&drawn);
         let inside = holes::without(&own, inside, &barrier, &colour, &lines, options, hints);
         own.decide_pieces(inside, hints, options);
