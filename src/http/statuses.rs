@@ -103,3 +103,60 @@ impl Statuses {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::http::reconstructions::Reconstructions;
+    use crate::http::sheets::Sheets;
+    use jobs::{NewJob, SqliteStore, SystemClock};
+    use serde_json::json;
+
+    #[tokio::test]
+    async fn a_status_is_kept_until_something_is_committed() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("jobs.sqlite");
+        let store = SqliteStore::open(&path, Arc::new(SystemClock)).await.unwrap();
+        let statuses = Statuses::default();
+        let job = |payload| NewJob::new(JobId::new(), Reconstructions::KIND, payload, 1);
+        let id = store.enqueue(job(json!(null))).await.unwrap().id;
+        let get = || statuses.get::<Reconstructions>(&store, id);
+        let first = get().await.unwrap();
+        assert!(Arc::ptr_eq(&first, &get().await.unwrap()), "nothing was committed");
+        assert!(statuses.get::<Sheets>(&store, id).await.is_err(), "it is no sheet");
+        store.request_cancel(id).await.unwrap();
+        let second = get().await.unwrap();
+        assert!(!first.is_final && second.is_final);
+        assert_ne!(first.etag, second.etag);
+        // A commit to another job says nothing of which one: all are read anew.
+        store.enqueue(job(json!(null))).await.unwrap();
+        let third = get().await.unwrap();
+        assert!(!Arc::ptr_eq(&second, &third));
+        assert_eq!(second.body, third.body);
+    }
+
+    #[test]
+    fn what_is_kept_is_bounded() {
+        let statuses = Statuses::default();
+        let status = |bytes| {
+            Arc::new(Status {
+                tenant: TenantName::default(),
+                kind: Reconstructions::KIND,
+                is_final: true,
+                etag: "W/\"1\"".parse().unwrap(),
+                body: vec![b' '; bytes].into(),
+            })
+        };
+        let revision = Revision::default();
+        assert!(statuses.kept(revision, JobId::new()).is_none());
+        let ids = [(); 5].map(|()| JobId::new());
+        for id in ids {
+            statuses.keep(revision, id, &status(MAX_BYTES / 3));
+            assert!(statuses.kept(revision, id).is_some());
+            assert!(statuses.lock().bytes <= MAX_BYTES);
+        }
+        assert!(statuses.kept(revision, ids[0]).is_none(), "it made room");
+        statuses.keep(revision, ids[0], &status(MAX_BYTES + 1));
+        assert!(statuses.kept(revision, ids[0]).is_none(), "too large");
+    }
+}

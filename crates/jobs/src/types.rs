@@ -337,7 +337,7 @@ pub struct Event {
 }
 
 /// What is stored at some moment: equal to another one if nothing was committed between.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Revision(pub(crate) i64);
 
 /// A hint that a job changed in this process.
