@@ -1,5 +1,7 @@
 //! Tenants and keys as administrators see them.
 
+use std::num::NonZeroU32;
+
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -19,8 +21,8 @@ pub(in crate::http) struct TenantDocument {
     pub limits: Limits,
 }
 
-/// What of the service's limits is otherwise for a tenant; what is left out holds
-/// as for all.
+/// What of the service's limits is otherwise for a tenant; what is left out or null
+/// holds as for all.
 #[derive(Clone, Debug, Default, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 #[schema(as = TenantLimits, example = json!({
@@ -29,28 +31,27 @@ pub(in crate::http) struct TenantDocument {
 pub(in crate::http) struct Limits {
     /// Requests a second.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(minimum = 1, nullable = false)]
-    pub requests_per_second: Option<u32>,
+    #[schema(value_type = Option<i64>, minimum = 1, maximum = 4_294_967_295_i64)]
+    pub requests_per_second: Option<NonZeroU32>,
     /// Jobs waiting at a time.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(nullable = false)]
+    #[schema(value_type = Option<i64>, minimum = 0, maximum = 4_294_967_295_i64)]
     pub max_queued: Option<u32>,
     /// Jobs running at a time.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(nullable = false)]
+    #[schema(value_type = Option<i64>, minimum = 0, maximum = 4_294_967_295_i64)]
     pub max_running: Option<u32>,
     /// Event streams open at a time.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(nullable = false)]
+    #[schema(value_type = Option<i64>, minimum = 0, maximum = 4_294_967_295_i64)]
     pub max_streams: Option<u32>,
     /// Bytes stored for jobs and pages: uploads are refused above.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(nullable = false)]
     pub max_bytes: Option<u64>,
     /// Seconds after which jobs and pages are deleted that do not say it themselves.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(minimum = 1, nullable = false)]
-    pub expires_in: Option<u32>,
+    #[schema(value_type = Option<i64>, minimum = 1, maximum = 4_294_967_295_i64)]
+    pub expires_in: Option<NonZeroU32>,
 }
 
 /// A tenant to be made.
@@ -128,12 +129,13 @@ impl From<Tenant> for TenantDocument {
             expires_in,
         } = tenant.limits;
         let limits = Limits {
-            requests_per_second,
+            // A 0 was taken once.
+            requests_per_second: requests_per_second.and_then(NonZeroU32::new),
             max_queued,
             max_running,
             max_streams,
             max_bytes,
-            expires_in,
+            expires_in: expires_in.and_then(NonZeroU32::new),
         };
         Self { name: tenant.name.to_string(), created_at: tenant.created_at, limits }
     }
@@ -149,7 +151,14 @@ impl From<Limits> for TenantLimits {
             max_bytes,
             expires_in,
         } = limits;
-        Self { requests_per_second, max_queued, max_running, max_streams, max_bytes, expires_in }
+        Self {
+            requests_per_second: requests_per_second.map(NonZeroU32::get),
+            max_queued,
+            max_running,
+            max_streams,
+            max_bytes,
+            expires_in: expires_in.map(NonZeroU32::get),
+        }
     }
 }
 
