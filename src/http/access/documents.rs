@@ -3,7 +3,8 @@
 use std::num::NonZeroU32;
 
 use jiff::Timestamp;
-use serde::{Deserialize, Serialize};
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize};
 use utoipa::ToSchema;
 
 use jobs::{ApiKey, Tenant, TenantLimits};
@@ -46,12 +47,18 @@ pub(in crate::http) struct Limits {
     #[schema(value_type = Option<i64>, minimum = 0, maximum = 4_294_967_295_i64)]
     pub max_streams: Option<u32>,
     /// Bytes stored for jobs and pages: uploads are refused above.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "byte_count")]
     pub max_bytes: Option<u64>,
     /// Seconds after which jobs and pages are deleted that do not say it themselves.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<i64>, minimum = 1, maximum = 4_294_967_295_i64)]
     pub expires_in: Option<NonZeroU32>,
+}
+
+/// Of bytes, no more than a signed number has: more than any disk.
+fn byte_count<'de, D: Deserializer<'de>>(from: D) -> Result<Option<u64>, D::Error> {
+    let given = Option::<i64>::deserialize(from)?;
+    given.map(|bytes| u64::try_from(bytes).map_err(D::Error::custom)).transpose()
 }
 
 /// A tenant to be made.

@@ -227,6 +227,7 @@ async fn tenants_are_made_limited_and_deleted() {
         json!({"requests_per_second": 0}),
         json!({"expires_in": 0}),
         json!({"max_queued": 1_u64 << 32}),
+        json!({"max_bytes": 1_u64 << 63}),
     ] {
         problem(limit(wrong).await.unwrap(), 422, "invalid-body").await;
     }
