@@ -133,7 +133,9 @@ impl Outbound {
 fn broken(failed: &hyper_util::client::legacy::Error) -> OutboundError {
     let mut cause: Option<&dyn Error> = Some(failed);
     while let Some(error) = cause {
-        cause = error.source();
+        // What an I/O error carries is not its source.
+        let carried = error.downcast_ref::<io::Error>().and_then(io::Error::get_ref);
+        cause = carried.map(|carried| carried as &dyn Error).or_else(|| error.source());
         if let Some(refused) = error.downcast_ref::<Refused>() {
             return refused.clone().into();
         }
