@@ -150,9 +150,7 @@ pub(super) async fn check(api: &Api, tenant: &TenantName, url: &str) -> Result<(
     api.state.outbound.policy().check(url).map_err(|error| refused(&error))?;
     // It is answered as it was given: one that browsers would mend is none yet.
     fluent_uri::Uri::parse(url).map_err(|_| {
-        refused(
-            &"it has characters that no URL has; percent-encode them, and write the host in ASCII",
-        )
+        refused(&"it has characters that no URL has; percent-encode them and give an https URL")
     })?;
     if api.state.store.webhook_secrets(tenant).await?.is_empty() {
         let detail = format!(
