@@ -47,7 +47,7 @@ pub(in crate::http) struct Limits {
     #[schema(value_type = Option<i64>, minimum = 0, maximum = 4_294_967_295_i64)]
     pub max_streams: Option<u32>,
     /// Bytes stored for jobs and pages: uploads are refused above.
-    #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "byte_count")]
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "byte_count")]
     pub max_bytes: Option<u64>,
     /// Seconds after which jobs and pages are deleted that do not say it themselves.
     #[serde(skip_serializing_if = "Option::is_none")]
