@@ -5,12 +5,13 @@
 //! cargo run --release --example status_latency -- URL [REQUESTS [PER_SECOND]]
 //! ```
 //!
-//! Prints one JSON line: requests, failures, and the 50th, 90th, 99th
+//! With a key in the variable `KEY`, it is sent along. Prints one JSON line: requests, failures, and the 50th, 90th, 99th
 //! percentile and maximum of the latency in milliseconds.
 
 use std::env;
 use std::time::Duration;
 
+use reqwest::header::{AUTHORIZATION, HeaderMap};
 use tokio::task::JoinSet;
 use tokio::time::{Instant, sleep_until};
 
@@ -23,7 +24,11 @@ async fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     // `reqwest` leaves the choice to the program, also where there is no TLS.
     let _ = rustls::crypto::ring::default_provider().install_default();
-    let client = reqwest::Client::new();
+    let mut headers = HeaderMap::new();
+    if let Ok(key) = env::var("KEY") {
+        headers.insert(AUTHORIZATION, format!("Bearer {key}").parse()?);
+    }
+    let client = reqwest::Client::builder().default_headers(headers).build()?;
     let begin = Instant::now() + Duration::from_millis(100);
     let mut running = JoinSet::new();
     for number in 0..requests {

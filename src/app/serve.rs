@@ -10,6 +10,8 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, ensure};
 use mesh::read::Limits;
+use rustls::pki_types::CertificateDer;
+use rustls::pki_types::pem::PemObject;
 use tokio::net::TcpListener;
 use tokio::runtime::{Handle, Runtime};
 use tokio::signal::unix::{SignalKind, signal};
@@ -159,9 +161,23 @@ fn isolated(config: &Config, works: &[Arc<dyn Work>]) -> io::Result<Vec<Arc<dyn 
 }
 
 fn outbound(config: &Config) -> Result<Arc<Outbound>> {
-    let OutboundConfig { trusted_host, allow_http, .. } = config.outbound.clone();
+    let OutboundConfig { trusted_host, allow_http, ca_file, .. } = config.outbound.clone();
     let policy = OutboundPolicy { trusted_hosts: trusted_host, allow_http };
-    Ok(Arc::new(Outbound::new(policy).context("preparing calls to others")?))
+    let authorities = ca_file.as_deref().map(authorities).transpose()?.unwrap_or_default();
+    Ok(Arc::new(
+        Outbound::new(policy, authorities)
+            .context("preparing calls to others, with those of ca_file")?,
+    ))
+}
+
+/// The certificates in a file that has some.
+fn authorities(path: &Path) -> Result<Vec<CertificateDer<'static>>> {
+    let within = || format!("reading the certificates of ca_file, {}", path.display());
+    let pem = std::fs::read(path).with_context(within)?;
+    let found: Result<Vec<_>, _> = CertificateDer::pem_slice_iter(&pem).collect();
+    let found = found.with_context(within)?;
+    ensure!(!found.is_empty(), "{} has no certificate; give a file in PEM", path.display());
+    Ok(found)
 }
 
 fn worker_config(Config { workers: config, storage, .. }: &Config) -> WorkerConfig {

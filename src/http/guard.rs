@@ -3,10 +3,11 @@
 
 use std::sync::Arc;
 
-use axum::extract::{Request, State};
+use axum::body::Body;
+use axum::extract::Request;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, Uri, Version, header};
-use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
+use tower_http::validate_request::ValidateRequest;
 
 use super::problem::{
     BAD_REQUEST, FOREIGN_ORIGIN, HEADER_TOO_LARGE, MISDIRECTED_REQUEST, Problem,
@@ -29,20 +30,20 @@ pub struct Guard {
 }
 
 /// Refuses what the guard does.
-pub(super) async fn check(
-    State(guard): State<Arc<Guard>>,
-    request: Request,
-    next: Next,
-) -> Response {
-    match guard.inspect(&request) {
-        Ok(()) => next.run(request).await,
-        Err(problem) => problem.into_response(),
+#[derive(Clone)]
+pub(super) struct Check(pub Arc<Guard>);
+
+impl ValidateRequest<Body> for Check {
+    type ResponseBody = Body;
+
+    fn validate(&mut self, request: &mut Request) -> Result<(), Response> {
+        self.0.inspect(request).map_err(IntoResponse::into_response)
     }
 }
 
 /// Drops a request id that is no short word: it is written to the log and sent
 /// back. The request gets one of ours.
-pub(super) async fn bound_request_id(mut request: Request, next: Next) -> Response {
+pub(super) fn bound_request_id(mut request: Request) -> Request {
     let is_word = |id: &HeaderValue| {
         let bytes = id.as_bytes();
         let plain = |byte: &u8| byte.is_ascii_alphanumeric() || b"-_.:+/=".contains(byte);
@@ -51,7 +52,7 @@ pub(super) async fn bound_request_id(mut request: Request, next: Next) -> Respon
     if request.headers().get(X_REQUEST_ID).is_some_and(|id| !is_word(id)) {
         request.headers_mut().remove(X_REQUEST_ID);
     }
-    next.run(request).await
+    request
 }
 
 impl Guard {
@@ -59,7 +60,7 @@ impl Guard {
         expect_short(request)?;
         let host = host(request)?;
         if !self.allowed_hosts.is_empty() {
-            let name = without_port(&host);
+            let name = without_port(host);
             if !self.allowed_hosts.iter().any(|allowed| allowed.eq_ignore_ascii_case(name)) {
                 let detail = format!(
                     "this service is not called `{name}`; who runs it can allow the name with --allowed-host"
@@ -69,7 +70,7 @@ impl Guard {
         }
         let headers = request.headers();
         if is_unsafe(request.method()) && !headers.contains_key(header::AUTHORIZATION) {
-            self.expect_own_origin(headers, &host)?;
+            self.expect_own_origin(headers, host)?;
         }
         expect_identity(headers)
     }
@@ -112,14 +113,14 @@ fn expect_short(request: &Request) -> Result<(), Problem> {
 }
 
 /// The one host that the request names.
-fn host(request: &Request) -> Result<String, Problem> {
+fn host(request: &Request) -> Result<&str, Problem> {
     if let Some(authority) = request.uri().authority() {
-        return Ok(authority.as_str().to_owned());
+        return Ok(authority.as_str());
     }
     let mut hosts = request.headers().get_all(header::HOST).iter();
     match (hosts.next().map(HeaderValue::to_str), hosts.next()) {
-        (Some(Ok(host)), None) => Ok(host.to_owned()),
-        (None, None) if request.version() < Version::HTTP_11 => Ok(String::new()),
+        (Some(Ok(host)), None) => Ok(host),
+        (None, None) if request.version() < Version::HTTP_11 => Ok(""),
         _ => Err(Problem::new(BAD_REQUEST, "the request must have one Host header; send one")),
     }
 }
@@ -149,7 +150,6 @@ fn expect_identity(headers: &HeaderMap) -> Result<(), Problem> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use axum::body::Body;
 
     fn verdict(guard: &Guard, method: Method, headers: &[(&str, &str)]) -> Result<(), u16> {
         let mut request = Request::builder().method(method).uri("/v1/reconstructions");

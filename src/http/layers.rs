@@ -1,9 +1,12 @@
 //! What every request goes through: its id, log line, metrics, CORS and error body.
 
+use std::sync::Arc;
+
 use axum::Router;
-use axum::extract::Request;
+use axum::extract::{Request, State};
 use axum::http::{HeaderName, HeaderValue, Method, header};
-use axum::middleware::from_fn;
+use axum::middleware::{Next, from_fn_with_state};
+use axum::response::Response;
 use tower::ServiceBuilder;
 use tower_http::ServiceBuilderExt;
 use tower_http::catch_panic::CatchPanicLayer;
@@ -15,8 +18,10 @@ use tracing::Span;
 
 use super::conditional::{PREFER, PREFERENCE_APPLIED};
 use super::guard::X_REQUEST_ID;
+use super::telemetry::Series;
+use super::unread::Lending;
 use super::upload::IDEMPOTENCY_KEY;
-use super::{guard, problem, telemetry};
+use super::{guard, problem};
 
 /// What pages of the service may load and do: their own files, and pictures that
 /// they hold themselves. Nobody may frame them.
@@ -24,11 +29,25 @@ const CONTENT_SECURITY_POLICY: &str = "default-src 'self'; img-src 'self' data: 
     style-src 'self' 'unsafe-inline'; object-src 'none'; base-uri 'none'; form-action 'self'; \
     frame-ancestors 'none'";
 
+/// What [`around`] works with.
+struct Around {
+    /// How much of an unread body is read on, bytes.
+    most_unread: u64,
+    series: Series,
+}
+
 /// Lays around every route what all requests go through, outermost first.
+///
+/// One `ServiceBuilder`, and one function in it: each `Router::layer` and each
+/// `from_fn` copies and boxes all that it lies around for every request.
+///
+/// * `most_unread`: of a body that nobody reads, this much is read on, bytes.
 pub(super) fn wrap<S: Clone + Send + Sync + 'static>(
     router: Router<S>,
     cors: Option<CorsLayer>,
+    most_unread: u64,
 ) -> Router<S> {
+    let state = Arc::new(Around { most_unread, series: Series::default() });
     let nosniff = SetResponseHeaderLayer::overriding(
         header::X_CONTENT_TYPE_OPTIONS,
         HeaderValue::from_static("nosniff"),
@@ -44,18 +63,27 @@ pub(super) fn wrap<S: Clone + Send + Sync + 'static>(
     );
     router.layer(
         ServiceBuilder::new()
-            .layer(from_fn(guard::bound_request_id))
+            .map_request(guard::bound_request_id)
             .set_x_request_id(MakeRequestUuid)
             .layer(TraceLayer::new_for_http().make_span_with(span))
             .propagate_x_request_id()
-            .layer(from_fn(telemetry::measure))
+            .layer(from_fn_with_state(state, around))
             .option_layer(cors)
             .layer(nosniff)
             .layer(cache)
             .layer(policy)
-            .layer(from_fn(problem::render))
             .layer(CatchPanicLayer::custom(problem::panicked)),
     )
+}
+
+/// Times the request, writes the body of an error, and reads what is left of the request's.
+async fn around(State(state): State<Arc<Around>>, request: Request, next: Next) -> Response {
+    let timing = state.series.begin(&request);
+    let uri = request.uri().clone();
+    let (lending, request) = Lending::of(request);
+    let response = problem::render(next.run(request).await, uri.path()).await;
+    timing.end(&response);
+    lending.settle(response, state.most_unread).await
 }
 
 fn span(request: &Request) -> Span {
@@ -147,7 +175,7 @@ mod tests {
             .route("/teapot", get(|| async { (StatusCode::IM_A_TEAPOT, "short and stout") }))
             .layer(timeout);
         let request = Request::builder().uri(path).body(Body::empty()).unwrap();
-        wrap(router, None).oneshot(request).await.unwrap()
+        wrap(router, None, 0).oneshot(request).await.unwrap()
     }
 
     async fn expect_problem(path: &str, status: u16, kind: &str) -> Value {

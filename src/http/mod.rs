@@ -28,6 +28,7 @@ mod server;
 mod sheet_representation;
 mod sheets;
 mod state;
+mod statuses;
 mod streams;
 mod tags;
 mod telemetry;

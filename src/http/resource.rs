@@ -22,6 +22,7 @@ use super::problem::{INVALID_QUERY, Problem, ProblemType};
 use super::reconstructions::Reconstructions;
 use super::representation::State as JobStateName;
 use super::sheets::Sheets;
+use super::statuses::Status;
 use super::tags::{Changes, pairs};
 use super::wait::wait_until;
 use jobs::{Job, JobId, ListQuery, StoreError};
@@ -30,6 +31,7 @@ const DEFAULT_LIMIT: u32 = 20;
 const MAX_LIMIT: u32 = 100;
 /// After how many seconds a client that polls should look again.
 const RETRY_AFTER: HeaderValue = HeaderValue::from_static("1");
+const JSON: HeaderValue = HeaderValue::from_static("application/json");
 
 /// A kind of job, as clients see it.
 pub(super) trait Resource: Send + Sync + 'static {
@@ -105,6 +107,9 @@ pub(super) struct ListParameters {
     /// Only those in this state.
     state: Option<JobStateName>,
     /// Only those that have all of these labels: `show:7,shot:12`.
+    #[param(
+        pattern = "^,*([A-Za-z0-9_.-]{1,63}:[^,\\x00-\\x1F\\x7F-\\x9F]{0,200}(,+[A-Za-z0-9_.-]{1,63}:[^,\\x00-\\x1F\\x7F-\\x9F]{0,200}){0,15},*)?$"
+    )]
     labels: Option<String>,
     /// Only those sent at this time or later (RFC 3339).
     #[param(value_type = Option<String>, format = DateTime)]
@@ -145,11 +150,21 @@ pub(super) async fn find<R: Resource>(api: &Api, asked: &OwnedId) -> Result<Job,
     if is_theirs { Ok(job) } else { Err(unknown::<R>(asked.id)) }
 }
 
-fn unknown<R: Resource>(id: JobId) -> Problem {
+/// As [`find`], as it is answered.
+pub(super) async fn status<R: Resource>(
+    api: &Api,
+    asked: &OwnedId,
+) -> Result<Arc<Status>, Problem> {
+    let status = api.statuses.get::<R>(&*api.state.store, asked.id).await?;
+    if status.tenant == asked.caller.tenant { Ok(status) } else { Err(unknown::<R>(asked.id)) }
+}
+
+/// What is answered of a job that is not there, or not for who asks.
+pub(super) fn unknown<R: Resource>(id: JobId) -> Problem {
     Problem::new(R::UNKNOWN, format!("there is no {} {id}", R::NOUN))
 }
 
-fn store_problem<R: Resource>(error: StoreError) -> Problem {
+pub(super) fn store_problem<R: Resource>(error: StoreError) -> Problem {
     match error {
         StoreError::NotFound(id) => unknown::<R>(id),
         other => other.into(),
@@ -262,17 +277,21 @@ pub(super) async fn get<R: Resource>(
 ) -> Result<Response, Problem> {
     let wait = preferred_wait(headers);
     let is_conditional = headers.contains_key(header::IF_NONE_MATCH);
-    let is_reached = |job: &Job| {
-        job.state.is_final() || (is_conditional && !is_known(headers, &version_of(job)))
-    };
-    let job = match wait {
+    let is_reached =
+        |status: &Status| status.is_final || (is_conditional && !is_known(headers, &status.etag));
+    let status = match wait {
         Some(wait) => wait_until::<R>(api, &asked, wait, is_reached).await?,
-        None => find::<R>(api, &asked).await?,
+        None => status::<R>(api, &asked).await?,
     };
-    let mut response = unless_known(headers, &job, || R::View::from(&job));
+    let mut response = if is_known(headers, &status.etag) {
+        StatusCode::NOT_MODIFIED.into_response()
+    } else {
+        ([(header::CONTENT_TYPE, JSON)], status.body.clone()).into_response()
+    };
     let answer = response.headers_mut();
+    answer.typed_insert(status.etag.clone());
     answer.insert(header::CACHE_CONTROL, HeaderValue::from_static("private, no-cache"));
-    if !job.state.is_final() {
+    if !status.is_final {
         answer.insert(header::RETRY_AFTER, RETRY_AFTER);
     }
     if let Some(applied) = wait.and_then(|wait| applied(wait.as_secs())) {
@@ -302,7 +321,7 @@ fn applied(seconds: u64) -> Option<HeaderValue> {
 }
 
 /// The ETag of a job's representation; weak, because it may be compressed.
-fn version_of(job: &Job) -> ETag {
+pub(super) fn version_of(job: &Job) -> ETag {
     let etag = format!("W/\"{}\"", job.version).parse();
     etag.expect("a number in quotes is an ETag")
 }

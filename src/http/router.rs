@@ -8,8 +8,10 @@ use axum::extract::DefaultBodyLimit;
 use axum::http::{Method, StatusCode, Uri};
 use axum::middleware::from_fn_with_state;
 use axum::routing::get;
+use tower::ServiceBuilder;
 use tower_http::compression::CompressionLayer;
 use tower_http::timeout::TimeoutLayer;
+use tower_http::validate_request::ValidateRequestHeaderLayer;
 use utoipa::OpenApi;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes as paths;
@@ -20,42 +22,42 @@ use super::openapi::Description;
 use super::problem::{METHOD_NOT_ALLOWED, NOT_FOUND, Problem};
 use super::state::{Api, ApiState};
 use super::{
-    HttpLimits, access, drawn_pages, guard, health, links, pages, reconstructions, sheets, unread,
-    web, webhooks,
+    HttpLimits, access, drawn_pages, guard, health, links, pages, reconstructions, sheets, web,
+    webhooks,
 };
 
 /// The whole interface over `state`.
 pub fn router(state: ApiState, limits: &HttpLimits) -> Router {
     let cors = layers::cors(&state.guard.origins);
     let gate = Arc::new(access::Gate::new(state.access.clone()));
-    let gate = from_fn_with_state(gate, access::admit);
-    let guard = from_fn_with_state(Arc::new(state.guard.clone()), guard::check);
+    let guard = guard::Check(Arc::new(state.guard.clone()));
+    let admission = ServiceBuilder::new()
+        .layer(ValidateRequestHeaderLayer::custom(guard))
+        .layer(from_fn_with_state(gate, access::admit))
+        // Uploads have limits of their own; nothing else has a body.
+        .layer(DefaultBodyLimit::max(64 << 10));
     let within =
         |time: Duration| TimeoutLayer::with_status_code(StatusCode::SERVICE_UNAVAILABLE, time);
     let answer = limits.answer_timeout;
-    let quick = quick_routes().layer(within(answer));
-    let patient = patient_routes().layer(within(answer + MAX_WAIT));
+    let compressed = ServiceBuilder::new().layer(CompressionLayer::new());
+    let quick = quick_routes().layer(compressed.clone().layer(within(answer)));
+    let patient = patient_routes().layer(compressed.clone().layer(within(answer + MAX_WAIT)));
+    let untimed = upload_routes().merge(stream_routes()).merge(page_routes()).layer(compressed);
     let whole = content_routes().layer(within(answer));
     let (routes, _) = OpenApiRouter::new()
         .merge(quick)
         .merge(patient)
-        .merge(upload_routes())
-        .merge(stream_routes())
-        .merge(page_routes())
-        .layer(CompressionLayer::new())
+        .merge(untimed)
         .merge(whole)
         .split_for_parts();
     let router = routes
         .merge(pages::docs())
         .fallback(nothing_here)
         .method_not_allowed_fallback(wrong_method)
-        // Uploads have limits of their own; nothing else has a body.
-        .layer(DefaultBodyLimit::max(64 << 10))
-        .layer(gate)
-        .layer(guard);
+        .layer(admission);
     // A body over its limit is likely to be about as large as that again.
-    let unread = from_fn_with_state(limits.max_body_bytes.saturating_mul(2), unread::drain);
-    layers::wrap(router, cors).layer(unread).with_state(Api::new(state, *limits))
+    let most_unread = limits.max_body_bytes.saturating_mul(2);
+    layers::wrap(router, cors, most_unread).with_state(Api::new(state, *limits))
 }
 
 /// Every described route.

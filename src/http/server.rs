@@ -12,6 +12,7 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::Semaphore;
 use tokio_io_timeout::TimeoutStream;
 use tokio_util::sync::CancellationToken;
+use tower::Layer;
 use tower_http::timeout::RequestBodyTimeoutLayer;
 
 use super::ServerTimeouts;
@@ -37,8 +38,8 @@ pub async fn serve(
     most: usize,
     shutdown: CancellationToken,
 ) -> std::io::Result<()> {
-    let service =
-        TowerToHyperService::new(router.layer(RequestBodyTimeoutLayer::new(timeouts.body_idle)));
+    let within = RequestBodyTimeoutLayer::new(timeouts.body_idle);
+    let service = TowerToHyperService::new(within.layer(router));
     let mut http = http1::Builder::new();
     http.timer(TokioTimer::new())
         .header_read_timeout(timeouts.header_read)

@@ -6,6 +6,7 @@ use metrics_exporter_prometheus::PrometheusHandle;
 use tokio::sync::Semaphore;
 use tokio_util::sync::CancellationToken;
 
+use super::statuses::Statuses;
 use super::streams::Streams;
 use super::upload::{Budget, Decoders};
 use super::{Access, Guard, HttpLimits, LinkKey};
@@ -47,6 +48,7 @@ pub(super) struct Api {
     /// Uploads whose parts are being held against each other.
     pub checks: Semaphore,
     pub streams: Streams,
+    pub statuses: Statuses,
 }
 
 impl Api {
@@ -56,6 +58,7 @@ impl Api {
         let decoders = Decoders::new(limits.concurrent_decodes);
         let checks = Semaphore::new(2 * limits.concurrent_decodes.max(1));
         let streams = Streams::new(limits.max_streams);
-        Arc::new(Self { state, limits, budget, decoders, checks, streams })
+        let statuses = Statuses::default();
+        Arc::new(Self { state, limits, budget, decoders, checks, streams, statuses })
     }
 }

@@ -23,10 +23,10 @@ const MAX_SECONDS: i64 = 10 * 366 * 24 * 3600;
 pub(super) struct Changes {
     /// Null takes it away.
     #[serde(deserialize_with = "given")]
-    #[schema(value_type = Option<String>, max_length = 200)]
+    #[schema(value_type = Option<String>, max_length = 200, pattern = "^[^\\x00-\\x1F\\x7F-\\x9F]*$")]
     name: Option<Option<String>>,
     /// All of them: those not given are taken away. Names are 1 to 63 letters,
-    /// digits, `_`, `-` and `.`; texts have 200 bytes at most; 16 pairs at most.
+    /// digits, `_`, `-` and `.`; texts have 200 characters at most; 16 pairs at most.
     labels: Option<BTreeMap<String, String>>,
     /// Seconds from now until it is deleted by itself; null keeps it for ever.
     #[serde(deserialize_with = "given")]
@@ -115,10 +115,10 @@ fn checked(labels: BTreeMap<String, String>) -> Result<BTreeMap<String, String>,
 }
 
 fn text(what: &str, text: String) -> Result<String, String> {
-    if text.len() <= MAX_TEXT && !text.chars().any(char::is_control) {
+    if text.chars().count() <= MAX_TEXT && !text.chars().any(char::is_control) {
         return Ok(text);
     }
-    Err(format!("`{what}` must have {MAX_TEXT} bytes at most, and no control characters"))
+    Err(format!("`{what}` must have {MAX_TEXT} characters at most, and no control characters"))
 }
 
 fn after(now: Timestamp, seconds: i64) -> Result<Timestamp, String> {

@@ -1,14 +1,15 @@
 //! Counts and times of requests.
 
-use std::sync::{Mutex, PoisonError};
+use std::collections::HashMap;
+use std::sync::{Mutex, PoisonError, RwLock};
 use std::time::Instant;
 
 use axum::Router;
 use axum::extract::{MatchedPath, Request};
 use axum::http::{Method, header};
-use axum::middleware::Next;
 use axum::response::Response;
 use axum::routing::get;
+use metrics::{Counter, Histogram};
 use metrics_exporter_prometheus::{BuildError, PrometheusBuilder, PrometheusHandle};
 
 /// The media type of Prometheus' text format.
@@ -64,23 +65,72 @@ pub fn of_worker(metrics: PrometheusHandle) -> Router {
     Router::new().route("/metrics", get(told)).route("/health/live", get(super::health::live))
 }
 
-/// Counts and times a request. Routes are labels, not paths: ids would make a
-/// series each.
-pub(super) async fn measure(request: Request, next: Next) -> Response {
-    let begun = Instant::now();
-    let method = method_label(request.method());
-    let route = match request.extensions().get::<MatchedPath>() {
-        Some(route) => route.as_str().to_owned(),
-        None => "unmatched".to_owned(),
-    };
-    let response = next.run(request).await;
-    let status = response.status().as_u16().to_string();
-    let labels = [("method", method.to_owned()), ("route", route.clone()), ("status", status)];
-    metrics::counter!("turnaround_http_requests_total", &labels).increment(1);
-    let labels = [("method", method.to_owned()), ("route", route)];
-    metrics::histogram!("turnaround_http_request_duration_seconds", &labels)
-        .record(begun.elapsed().as_secs_f64());
-    response
+/// The series of requests that were recorded so far, by route: to look one up in
+/// the recorder takes longer than a short answer.
+#[derive(Default)]
+pub(super) struct Series(RwLock<HashMap<String, Vec<Recorded>>>);
+
+struct Recorded {
+    method: &'static str,
+    status: u16,
+    requests: Counter,
+    seconds: Histogram,
+}
+
+/// A request that is being answered.
+pub(super) struct Timing<'s> {
+    series: &'s Series,
+    begun: Instant,
+    method: &'static str,
+    route: Option<MatchedPath>,
+}
+
+impl Series {
+    /// Begins to time a request.
+    pub(super) fn begin(&self, request: &Request) -> Timing<'_> {
+        Timing {
+            series: self,
+            begun: Instant::now(),
+            method: method_label(request.method()),
+            route: request.extensions().get().cloned(),
+        }
+    }
+}
+
+impl Timing<'_> {
+    /// Counts and times the request. Routes are labels, not paths: ids would make
+    /// a series each.
+    pub(super) fn end(self, response: &Response) {
+        let (seconds, status) = (self.begun.elapsed().as_secs_f64(), response.status().as_u16());
+        let route = self.route.as_ref().map_or("unmatched", MatchedPath::as_str);
+        let is_it = |it: &&Recorded| it.method == self.method && it.status == status;
+        let known = self.series.0.read().unwrap_or_else(PoisonError::into_inner);
+        if let Some(found) = known.get(route).and_then(|all| all.iter().find(is_it)) {
+            found.record(seconds);
+            return;
+        }
+        drop(known);
+        let recorded = Recorded::new(self.method, route, status);
+        recorded.record(seconds);
+        let mut known = self.series.0.write().unwrap_or_else(PoisonError::into_inner);
+        known.entry(route.to_owned()).or_default().push(recorded);
+    }
+}
+
+impl Recorded {
+    fn new(method: &'static str, route: &str, status: u16) -> Self {
+        let labels = [("method", method.to_owned()), ("route", route.to_owned())];
+        let seconds = metrics::histogram!("turnaround_http_request_duration_seconds", &labels);
+        let [method_label, route_label] = labels;
+        let labels = [method_label, route_label, ("status", status.to_string())];
+        let requests = metrics::counter!("turnaround_http_requests_total", &labels);
+        Self { method, status, requests, seconds }
+    }
+
+    fn record(&self, seconds: f64) {
+        self.requests.increment(1);
+        self.seconds.record(seconds);
+    }
 }
 
 fn method_label(method: &Method) -> &'static str {

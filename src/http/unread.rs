@@ -10,9 +10,8 @@ use std::task::{Context, Poll};
 use std::time::Duration;
 
 use axum::body::{Body, HttpBody};
-use axum::extract::{Request, State};
+use axum::extract::Request;
 use axum::http::{HeaderValue, header};
-use axum::middleware::Next;
 use axum::response::Response;
 use bytes::Bytes;
 use futures::StreamExt;
@@ -21,29 +20,42 @@ use hyper::body::{Frame, SizeHint};
 /// How long the body of an answered request is read on.
 const DRAIN_TIME: Duration = Duration::from_secs(5);
 
-/// Reads on, and throws away, what the inner service left of the body, at most
-/// `most` bytes, before its answer goes out. Where that does not reach the
-/// body's end, the answer says `Connection: close`.
-pub(super) async fn drain(State(most): State<u64>, request: Request, next: Next) -> Response {
-    if request.body().is_end_stream() {
-        return next.run(request).await;
+/// A request's body, lent to who answers it.
+pub(super) struct Lending {
+    /// `None` if there is no body.
+    back: Option<Unread>,
+    /// A client that waits for 100 Continue sends nothing after an answer.
+    waits: bool,
+}
+
+impl Lending {
+    /// Has the body of a request come back when its reader lets go of it.
+    pub(super) fn of(request: Request) -> (Self, Request) {
+        if request.body().is_end_stream() {
+            return (Self { back: None, waits: false }, request);
+        }
+        let waits = request.headers().contains_key(header::EXPECT);
+        let back = Unread::default();
+        let lent = back.clone();
+        let request = request.map(|body| Body::new(Lent { body, ended: false, back: lent }));
+        (Self { back: Some(back), waits }, request)
     }
-    // A client that waits for 100 Continue sends nothing after an answer.
-    let waits = request.headers().contains_key(header::EXPECT);
-    let unread = Unread::default();
-    let lent = unread.clone();
-    let mut response =
-        next.run(request.map(|body| Body::new(Lent { body, ended: false, back: lent }))).await;
-    let left = unread.lock().take();
-    let ended = match left {
-        None => true,
-        Some(_) if waits => false,
-        Some(body) => reaches_end(body, most).await,
-    };
-    if !ended {
-        response.headers_mut().insert(header::CONNECTION, HeaderValue::from_static("close"));
+
+    /// Reads on, and throws away, what was left of the body, at most `most` bytes,
+    /// before the answer goes out. Where that does not reach the body's end, the
+    /// answer says `Connection: close`.
+    pub(super) async fn settle(self, mut response: Response, most: u64) -> Response {
+        let left = self.back.and_then(|back| back.lock().take());
+        let ended = match left {
+            None => true,
+            Some(_) if self.waits => false,
+            Some(body) => reaches_end(body, most).await,
+        };
+        if !ended {
+            response.headers_mut().insert(header::CONNECTION, HeaderValue::from_static("close"));
+        }
+        response
     }
-    response
 }
 
 async fn reaches_end(body: Body, most: u64) -> bool {
@@ -114,7 +126,7 @@ impl Drop for Lent {
 mod tests {
     use super::*;
     use axum::Router;
-    use axum::middleware::from_fn_with_state;
+    use axum::middleware::{Next, from_fn};
     use axum::routing::post;
     use futures::stream;
     use tower::ServiceExt;
@@ -127,7 +139,11 @@ mod tests {
                 body.into_data_stream().next().await.unwrap().unwrap();
             }
         };
-        let router = Router::new().route("/", post(handler)).layer(from_fn_with_state(most, drain));
+        let lend = from_fn(move |request: Request, next: Next| async move {
+            let (lending, request) = Lending::of(request);
+            lending.settle(next.run(request).await, most).await
+        });
+        let router = Router::new().route("/", post(handler)).layer(lend);
         let first = stream::iter([Ok::<_, axum::Error>(Bytes::from_static(b"four"))]);
         let rest = if silence {
             stream::pending().boxed()

@@ -1,5 +1,6 @@
 //! Waiting for a job to change.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use tokio::sync::broadcast::Receiver;
@@ -8,8 +9,9 @@ use tokio::time::Instant;
 
 use super::Api;
 use super::problem::Problem;
-use super::resource::{OwnedId, Resource, find};
-use jobs::{Job, JobChange, JobId};
+use super::resource::{OwnedId, Resource, status};
+use super::statuses::Status;
+use jobs::{JobChange, JobId};
 
 /// How often a job is looked at whose changes nobody announces, such as those
 /// of workers in other processes.
@@ -47,20 +49,20 @@ impl Watch {
     }
 }
 
-/// The job once `is_reached` holds of it, or as it is at the end of `wait`.
+/// The job's status once `is_reached` holds of it, or as it is at the end of `wait`.
 pub(super) async fn wait_until<R: Resource>(
     api: &Api,
     asked: &OwnedId,
     wait: Duration,
-    is_reached: impl Fn(&Job) -> bool,
-) -> Result<Job, Problem> {
+    is_reached: impl Fn(&Status) -> bool,
+) -> Result<Arc<Status>, Problem> {
     let deadline = Instant::now() + wait;
     let mut watch = Watch::new(api, asked.id);
     loop {
-        let job = find::<R>(api, asked).await?;
+        let status = status::<R>(api, asked).await?;
         let is_over = Instant::now() >= deadline || api.state.shutdown.is_cancelled();
-        if is_over || is_reached(&job) {
-            return Ok(job);
+        if is_over || is_reached(&status) {
+            return Ok(status);
         }
         tokio::select! {
             () = watch.changed(deadline) => {}

@@ -1,5 +1,6 @@
 //! Where the ends of jobs are told, and what came of it.
 
+use std::fmt::Display;
 use std::marker::PhantomData;
 use std::sync::Arc;
 use std::time::Duration;
@@ -143,8 +144,13 @@ impl<R: Resource, S: Send + Sync> FromRequestParts<S> for DeliveryId<R> {
 
 /// Holds an address against what may be called, and whether there is a secret.
 pub(super) async fn check(api: &Api, tenant: &TenantName, url: &str) -> Result<(), Problem> {
-    api.state.outbound.policy().check(url).map_err(|error| {
-        Problem::new(INVALID_WEBHOOK, format!("the URL of the webhook is refused: {error}"))
+    let refused = |why: &dyn Display| {
+        Problem::new(INVALID_WEBHOOK, format!("the URL of the webhook is refused: {why}"))
+    };
+    api.state.outbound.policy().check(url).map_err(|error| refused(&error))?;
+    // It is answered as it was given: one that browsers would mend is none yet.
+    fluent_uri::Uri::parse(url).map_err(|_| {
+        refused(&"it has characters that no URL has; percent-encode them and give an https URL")
     })?;
     if api.state.store.webhook_secrets(tenant).await?.is_empty() {
         let detail = format!(

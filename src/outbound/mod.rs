@@ -27,6 +27,7 @@ use hyper_util::client::legacy::Client;
 use hyper_util::client::legacy::connect::HttpConnector;
 use hyper_util::client::legacy::connect::dns::Name;
 use hyper_util::rt::TokioExecutor;
+use rustls::pki_types::CertificateDer;
 use rustls::{ClientConfig, RootCertStore};
 use tower::Service;
 
@@ -66,16 +67,22 @@ pub struct Outbound {
 
 impl Outbound {
     /// Reads the machine's root certificates; without any, nobody is believed to
-    /// be who they say.
+    /// be who they say but those for whom `authorities` answer.
+    ///
+    /// * `authorities`: certificates that are believed besides the machine's.
     ///
     /// # Errors
-    /// If the TLS library has no protocol in common with its provider.
-    pub fn new(policy: OutboundPolicy) -> io::Result<Self> {
+    /// If one of the authorities is none, or the TLS library has no protocol in
+    /// common with its provider.
+    pub fn new(
+        policy: OutboundPolicy,
+        authorities: Vec<CertificateDer<'static>>,
+    ) -> io::Result<Self> {
         let policy = Arc::new(policy);
         let mut http = HttpConnector::new_with_resolver(Resolver(Arc::clone(&policy)));
         http.enforce_http(false);
         let https = HttpsConnectorBuilder::new()
-            .with_tls_config(tls()?)
+            .with_tls_config(tls(authorities)?)
             .https_or_http()
             .enable_http1()
             .wrap_connector(http);
@@ -126,7 +133,9 @@ impl Outbound {
 fn broken(failed: &hyper_util::client::legacy::Error) -> OutboundError {
     let mut cause: Option<&dyn Error> = Some(failed);
     while let Some(error) = cause {
-        cause = error.source();
+        // What an I/O error carries is not its source.
+        let carried = error.downcast_ref::<io::Error>().and_then(io::Error::get_ref);
+        cause = carried.map(|carried| carried as &dyn Error).or_else(|| error.source());
         if let Some(refused) = error.downcast_ref::<Refused>() {
             return refused.clone().into();
         }
@@ -144,10 +153,13 @@ fn broken(failed: &hyper_util::client::legacy::Error) -> OutboundError {
     }
 }
 
-fn tls() -> io::Result<ClientConfig> {
+fn tls(authorities: Vec<CertificateDer<'static>>) -> io::Result<ClientConfig> {
     let mut roots = RootCertStore::empty();
     let found = rustls_native_certs::load_native_certs();
     roots.add_parsable_certificates(found.certs);
+    for authority in authorities {
+        roots.add(authority).map_err(io::Error::other)?;
+    }
     if roots.is_empty() {
         tracing::warn!("the machine has no root certificates: https addresses can't be called");
     }
@@ -200,7 +212,7 @@ mod tests {
         let refused = resolver.call("localhost".parse().unwrap()).await.unwrap_err();
         let why = Refused::NotPublic("localhost".to_owned());
         assert_eq!(refused.downcast_ref::<Refused>(), Some(&why));
-        let outbound = Outbound::new(OutboundPolicy::default()).unwrap();
+        let outbound = Outbound::new(OutboundPolicy::default(), Vec::new()).unwrap();
         let (headers, body) = (HeaderMap::new(), Bytes::new());
         let asked = outbound.send(Method::GET, "https://localhost:1/", headers, body, 10);
         let error = asked.await.unwrap_err();

@@ -34,6 +34,7 @@ const HEAVY: &[(&str, &[&str])] = &[
     ("uncalibrated", &["study"]),
     ("tokio", &["jobs", "testbed"]),
     ("sqlx", &["jobs"]),
+    ("rusqlite", &["jobs"]),
     ("object_store", &["jobs"]),
     ("safetensors", &["prior"]),
     ("axum", &[]),

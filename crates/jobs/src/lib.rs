@@ -36,7 +36,7 @@ pub use store::{JobStore, StoreError};
 pub use types::{
     ATTEMPTS_EXHAUSTED, ArtifactEntry, CRASHED, Claim, EarlierResult, Event, EventKind, Failure,
     Heartbeat, Idempotency, Job, JobChange, JobCounts, JobId, JobState, LEASE_EXPIRED, ListQuery,
-    NewJob, Page, Queue, Tags, UNREADABLE,
+    NewJob, Page, Queue, Revision, Tags, UNREADABLE,
 };
 pub use webhooks::{
     Delivery, DeliveryAttempt, DeliveryState, Ended, WebhookStore, new_webhook_secret,

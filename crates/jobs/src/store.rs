@@ -11,7 +11,7 @@ use super::storage::StorageStore;
 use super::webhooks::WebhookStore;
 use super::{
     ArtifactEntry, Claim, Event, Failure, Heartbeat, Idempotency, Job, JobChange, JobCounts, JobId,
-    JobState, ListQuery, NewJob, Page, Queue, Tags, TenantName,
+    JobState, ListQuery, NewJob, Page, Queue, Revision, Tags, TenantName,
 };
 
 /// Changes a slow listener may lag behind before it misses some.
@@ -255,6 +255,11 @@ pub trait JobStore: PageStore + WebhookStore + StorageStore {
 
     /// Answers if the store can read and write.
     async fn ping(&self) -> Result<(), StoreError>;
+
+    /// What is stored, by a number that every commit changes, whoever makes it: what is
+    /// read after asking for it is as stored for as long as it is the same. Asking waits
+    /// for nothing and is cheaper than reading. `None` where it can't be told like that.
+    fn revision(&self) -> Option<Revision>;
 
     /// Tells of changes as they are committed through this store, to save
     /// waiting for the next poll. Only a hint: changes of other processes, and

@@ -336,6 +336,10 @@ pub struct Event {
     pub data: Value,
 }
 
+/// What is stored at some moment: equal to another one if nothing was committed between.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Revision(pub(crate) i64);
+
 /// A hint that a job changed in this process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct JobChange {

@@ -1,5 +1,7 @@
 //! Settings of whom the service may call.
 
+use std::path::PathBuf;
+
 use clap::Args;
 use serde::{Deserialize, Serialize};
 
@@ -15,6 +17,10 @@ pub(crate) struct OutboundConfig {
     /// Let all hosts be called without TLS
     #[arg(long, env = "TURNAROUND_ALLOW_HTTP")]
     pub allow_http: bool,
+    /// File with certificates (PEM) of authorities that are believed besides those
+    /// of the machine, such as a studio's own
+    #[arg(long, env = "TURNAROUND_CA_FILE", value_name = "FILE")]
+    pub ca_file: Option<PathBuf>,
     /// Fetch drawings and masks that sheet documents name by URL
     #[arg(long, env = "TURNAROUND_INPUTS_BY_URL")]
     pub inputs_by_url: bool,

@@ -1,7 +1,10 @@
 //! Tenants and keys as administrators see them.
 
+use std::num::NonZeroU32;
+
 use jiff::Timestamp;
-use serde::{Deserialize, Serialize};
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize};
 use utoipa::ToSchema;
 
 use jobs::{ApiKey, Tenant, TenantLimits};
@@ -19,8 +22,8 @@ pub(in crate::http) struct TenantDocument {
     pub limits: Limits,
 }
 
-/// What of the service's limits is otherwise for a tenant; what is left out holds
-/// as for all.
+/// What of the service's limits is otherwise for a tenant; what is left out or null
+/// holds as for all.
 #[derive(Clone, Debug, Default, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 #[schema(as = TenantLimits, example = json!({
@@ -29,28 +32,33 @@ pub(in crate::http) struct TenantDocument {
 pub(in crate::http) struct Limits {
     /// Requests a second.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(minimum = 1, nullable = false)]
-    pub requests_per_second: Option<u32>,
+    #[schema(value_type = Option<i64>, minimum = 1, maximum = 4_294_967_295_i64)]
+    pub requests_per_second: Option<NonZeroU32>,
     /// Jobs waiting at a time.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(nullable = false)]
+    #[schema(value_type = Option<i64>, minimum = 0, maximum = 4_294_967_295_i64)]
     pub max_queued: Option<u32>,
     /// Jobs running at a time.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(nullable = false)]
+    #[schema(value_type = Option<i64>, minimum = 0, maximum = 4_294_967_295_i64)]
     pub max_running: Option<u32>,
     /// Event streams open at a time.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(nullable = false)]
+    #[schema(value_type = Option<i64>, minimum = 0, maximum = 4_294_967_295_i64)]
     pub max_streams: Option<u32>,
     /// Bytes stored for jobs and pages: uploads are refused above.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(nullable = false)]
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "byte_count")]
     pub max_bytes: Option<u64>,
     /// Seconds after which jobs and pages are deleted that do not say it themselves.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(minimum = 1, nullable = false)]
-    pub expires_in: Option<u32>,
+    #[schema(value_type = Option<i64>, minimum = 1, maximum = 4_294_967_295_i64)]
+    pub expires_in: Option<NonZeroU32>,
+}
+
+/// Of bytes, no more than a signed number has: more than any disk.
+fn byte_count<'de, D: Deserializer<'de>>(from: D) -> Result<Option<u64>, D::Error> {
+    let given = Option::<i64>::deserialize(from)?;
+    given.map(|bytes| u64::try_from(bytes).map_err(D::Error::custom)).transpose()
 }
 
 /// A tenant to be made.
@@ -128,12 +136,13 @@ impl From<Tenant> for TenantDocument {
             expires_in,
         } = tenant.limits;
         let limits = Limits {
-            requests_per_second,
+            // A 0 was taken once.
+            requests_per_second: requests_per_second.and_then(NonZeroU32::new),
             max_queued,
             max_running,
             max_streams,
             max_bytes,
-            expires_in,
+            expires_in: expires_in.and_then(NonZeroU32::new),
         };
         Self { name: tenant.name.to_string(), created_at: tenant.created_at, limits }
     }
@@ -149,7 +158,14 @@ impl From<Limits> for TenantLimits {
             max_bytes,
             expires_in,
         } = limits;
-        Self { requests_per_second, max_queued, max_running, max_streams, max_bytes, expires_in }
+        Self {
+            requests_per_second: requests_per_second.map(NonZeroU32::get),
+            max_queued,
+            max_running,
+            max_streams,
+            max_bytes,
+            expires_in: expires_in.map(NonZeroU32::get),
+        }
     }
 }
 

@@ -3,9 +3,7 @@
 use std::any::Any;
 
 use axum::body::{self, Body};
-use axum::extract::Request;
 use axum::http::{HeaderValue, header};
-use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
 use super::{INTERNAL, Problem, ProblemType};
@@ -14,9 +12,9 @@ const PROBLEM_JSON: HeaderValue = HeaderValue::from_static("application/problem+
 
 /// Writes the body of every error answer: those of the handlers and those that
 /// the framework and its layers make by themselves.
-pub(crate) async fn render(request: Request, next: Next) -> Response {
-    let instance = request.uri().path().to_owned();
-    let mut response = next.run(request).await;
+///
+/// * `instance`: the path of the request.
+pub(crate) async fn render(mut response: Response, instance: &str) -> Response {
     if !response.status().is_client_error() && !response.status().is_server_error() {
         return response;
     }
@@ -24,7 +22,7 @@ pub(crate) async fn render(request: Request, next: Next) -> Response {
         Some(problem) => problem,
         None => framework_problem(&mut response).await,
     };
-    let body = problem.body(&instance);
+    let body = problem.body(instance);
     let headers = response.headers_mut();
     for name in [header::CONTENT_LENGTH, header::CONTENT_ENCODING, header::ETAG] {
         headers.remove(name);

@@ -221,7 +221,19 @@ async fn tenants_are_made_limited_and_deleted() {
         let url = format!("{}/v1/admin/tenants/show-7/limits", service.url);
         service.client.put(url).bearer_auth(admin.reveal()).json(&limits).send()
     };
-    problem(limit(json!({"max_quued": 1})).await.unwrap(), 422, "invalid-body").await;
+    for wrong in [
+        json!({"max_quued": 1}),
+        // These would be no limit, and an end at once.
+        json!({"requests_per_second": 0}),
+        json!({"expires_in": 0}),
+        json!({"max_queued": 1_u64 << 32}),
+        json!({"max_bytes": 1_u64 << 63}),
+    ] {
+        problem(limit(wrong).await.unwrap(), 422, "invalid-body").await;
+    }
+    let none = json!({"max_queued": null});
+    let unlimited: Value = limit(none).await.unwrap().json().await.unwrap();
+    assert_eq!(unlimited["limits"], json!({}));
     let limits = json!({"requests_per_second": 5, "max_queued": 1, "max_streams": 1});
     let limited: Value = limit(limits.clone()).await.unwrap().json().await.unwrap();
     assert_eq!(limited["limits"], limits);

@@ -49,7 +49,7 @@ impl Service {
         // Receivers of tests are on the loopback by this address alone.
         let policy =
             OutboundPolicy { trusted_hosts: vec!["127.0.0.1".to_owned()], allow_http: false };
-        let outbound = Arc::new(Outbound::new(policy).unwrap());
+        let outbound = Arc::new(Outbound::new(policy, Vec::new()).unwrap());
         let state = ApiState {
             store: store.clone(),
             bytes: bytes.clone(),
@@ -86,6 +86,12 @@ impl Service {
         self.store.add_key(&key, &KeyText::generate()).await.unwrap();
         // That there are none is remembered for a second.
         tokio::time::sleep(Duration::from_millis(1100)).await;
+    }
+
+    /// Another store over the same file, as another process has it.
+    pub(crate) async fn other_store(&self) -> SqliteStore {
+        let path = self.folder.path().join("jobs.sqlite");
+        SqliteStore::open(&path, Arc::new(SystemClock)).await.unwrap()
     }
 
     pub(crate) fn get(&self, path: &str) -> RequestBuilder {

@@ -16,6 +16,7 @@ mod reuse;
 mod service;
 mod sheet_problems;
 mod sheets;
+mod statuses;
 mod storage;
 mod tags;
 mod truth;

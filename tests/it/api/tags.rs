@@ -40,6 +40,10 @@ async fn jobs_are_labelled_found_and_labelled_anew() {
     let patch = |changes: Value| {
         service.client.patch(format!("{}{path}", service.url)).json(&changes).send()
     };
+    // Characters are counted, as a schema counts them, not bytes.
+    let long = "ä".repeat(200);
+    let named: Value = patch(json!({"name": long})).await.unwrap().json().await.unwrap();
+    assert_eq!(named["name"], long);
     let changes = json!({"labels": {"take": "ä"}, "name": null, "pinned": true});
     let changed: Value = patch(changes).await.unwrap().json().await.unwrap();
     assert_eq!(changed["labels"], json!({"take": "ä"}));
@@ -49,7 +53,7 @@ async fn jobs_are_labelled_found_and_labelled_anew() {
     assert_eq!(kept["expires_at"], Value::Null);
     for wrong in [
         json!({"labels": {"a b": "x"}}),
-        json!({"labels": {"a": "x".repeat(201)}}),
+        json!({"labels": {"a": "ä".repeat(201)}}),
         json!({"expires_in": -1}),
         json!({"colour": "red"}),
     ] {

@@ -218,6 +218,7 @@ async fn what_is_no_url_is_not_sent_back() {
             "its scheme is none",
         ),
         (json!({"url": "javascript:alert(1)//<script>"}), "invalid-webhook", "its scheme is none"),
+        (json!({"url": "https://8.8.8.8/ä"}), "invalid-webhook", "percent-encode them"),
         (json!({"url": {"x": long}}), "invalid-body", "at `url`: invalid type: map"),
         (json!({"url": null, "\u{1b}[2J": 1}), "invalid-body", "unknown field `\\u{1b}[2J`"),
         (json!({"url": null, &long: 1}), "invalid-body", "expected `url`"),

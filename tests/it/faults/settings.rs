@@ -19,6 +19,19 @@ fn settings_that_make_no_sense_are_refused_at_the_start() {
     assert!(folder.path().read_dir().unwrap().next().is_none(), "something was made");
 }
 
+#[test]
+fn authorities_that_are_none_are_refused_at_the_start() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("ca.pem");
+    let garbled = "-----BEGIN CERTIFICATE-----\nAAAA\n-----END CERTIFICATE-----\n";
+    for (text, remedy) in [("none at all", "has no certificate"), (garbled, "ca_file")] {
+        std::fs::write(&file, text).unwrap();
+        let settings = ["--ca-file", file.to_str().unwrap()];
+        let told = refusal(command(&folder.path().join("data"), &settings));
+        assert!(told.contains(remedy), "{told}");
+    }
+}
+
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn bytes_without_their_database_are_not_served_and_not_deleted() {
     let folder = tempfile::tempdir().unwrap();

@@ -41,7 +41,7 @@ use self::failure::{backend, commit_error};
 use self::listen::announce;
 use super::record::Present;
 use super::store::REMEMBERED_CHANGES;
-use super::{Clock, JobChange, StoreError, Uptime};
+use super::{Clock, JobChange, Revision, StoreError, Uptime};
 
 // What the modules of `sql` are written in.
 type Store = PostgresStore;
@@ -164,6 +164,11 @@ impl PostgresStore {
         let ms: i64 = sqlx::query_scalar(ms).fetch_one(connection).await.map_err(backend)?;
         let time = Timestamp::from_millisecond(ms).map_err(backend)?;
         Ok(Present { time, uptime: Uptime { boot: "".into(), ms } })
+    }
+
+    /// To ask would be a round trip, as reading is.
+    fn current_revision(&self) -> Option<Revision> {
+        None
     }
 
     fn readers(&self) -> &PgPool {

@@ -15,8 +15,8 @@ use super::{
 use crate::record::{Change, Ending, Record};
 use crate::{
     ArtifactEntry, Claim, Event, EventKind, Failure, Heartbeat, Idempotency, Job, JobChange,
-    JobCounts, JobId, JobState, JobStore, ListQuery, NewJob, Page, Queue, StoreError, Tags,
-    TenantName,
+    JobCounts, JobId, JobState, JobStore, ListQuery, NewJob, Page, Queue, Revision, StoreError,
+    Tags, TenantName,
 };
 
 async fn expect_queue(
@@ -379,6 +379,10 @@ impl JobStore for Store {
             .await
             .map_err(backend)?;
         transaction.commit().await.map_err(commit_error)
+    }
+
+    fn revision(&self) -> Option<Revision> {
+        self.current_revision()
     }
 
     fn changes(&self) -> broadcast::Receiver<JobChange> {

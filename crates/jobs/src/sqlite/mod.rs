@@ -15,6 +15,7 @@ mod ownerless;
 #[path = "../sql/pages.rs"]
 mod pages;
 mod reserve;
+mod revision;
 #[path = "../sql/rows.rs"]
 mod rows;
 #[path = "../sql/storage.rs"]
@@ -38,9 +39,10 @@ use sqlx::{QueryBuilder, Sqlite, Transaction};
 use tokio::sync::broadcast;
 
 use self::reserve::Reserve;
+use self::revision::Revisions;
 use super::record::Present;
 use super::store::REMEMBERED_CHANGES;
-use super::{Clock, JobChange, StoreError};
+use super::{Clock, JobChange, Revision, StoreError};
 
 // What the modules of `sql` are written in.
 type Store = SqliteStore;
@@ -79,6 +81,7 @@ pub struct SqliteStore {
     clock: Arc<dyn Clock>,
     changes: broadcast::Sender<JobChange>,
     reserve: Arc<Reserve>,
+    revisions: Revisions,
 }
 
 impl SqliteStore {
@@ -102,9 +105,12 @@ impl SqliteStore {
         sync_directory_of(path).map_err(backend)?;
         let reading = options.pragma("query_only", "ON");
         let readers = pool(READERS).connect_with(reading).await.map_err(backend)?;
+        let file = path.to_owned();
+        let revisions = tokio::task::spawn_blocking(move || Revisions::open(&file));
+        let revisions = revisions.await.map_err(backend)?.map_err(backend)?;
         let (changes, _) = broadcast::channel(REMEMBERED_CHANGES);
         let reserve = Arc::new(Reserve::beside(path));
-        let store = Self { writer, readers, clock, changes, reserve };
+        let store = Self { writer, readers, clock, changes, reserve, revisions };
         store.prepare().await;
         Ok(store)
     }
@@ -145,6 +151,7 @@ impl SqliteStore {
 
     /// Waits for running statements and closes the file.
     pub async fn close(&self) {
+        self.revisions.close();
         self.readers.close().await;
         self.writer.close().await;
     }
@@ -162,6 +169,10 @@ impl SqliteStore {
 
     async fn present(&self, _: &mut Connection) -> Result<Present, StoreError> {
         Ok(self.now())
+    }
+
+    fn current_revision(&self) -> Option<Revision> {
+        self.revisions.current()
     }
 
     fn readers(&self) -> &SqlitePool {

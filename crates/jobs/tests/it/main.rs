@@ -107,6 +107,37 @@ async fn share_the_work<S: JobStore + 'static>(stores: &[Arc<S>]) {
     }
 }
 
+/// What was read stays right for as long as the revision is the same: every commit changes it,
+/// also one of another process, and nothing else does.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_revision_tells_of_every_commit_by_whomever() {
+    use sqlx::Connection;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("jobs.sqlite");
+    let (store, other) = (open(&path, &clock()).await, open(&path, &clock()).await);
+    let empty = store.revision().unwrap();
+    let job = store.enqueue(new_job()).await.unwrap();
+    let own = store.revision().unwrap();
+    assert_ne!(own, empty, "a commit of its own");
+    assert_eq!(store.get(job.id).await.unwrap(), job);
+    let url = format!("sqlite://{}", path.display());
+    let mut writing = sqlx::SqliteConnection::connect(&url).await.unwrap();
+    let mut transaction = writing.begin_with("BEGIN IMMEDIATE").await.unwrap();
+    sqlx::query("UPDATE jobs SET priority = 7").execute(&mut *transaction).await.unwrap();
+    assert_eq!(store.revision(), Some(own), "nothing was committed");
+    transaction.commit().await.unwrap();
+    let raw = store.revision().unwrap();
+    assert_ne!(raw, own, "a commit of a bare connection");
+    assert_eq!(store.get(job.id).await.unwrap().priority, 7);
+    other.request_cancel(job.id).await.unwrap();
+    let cancelled = store.revision().unwrap();
+    assert_ne!(cancelled, raw, "a commit of another store");
+    assert_eq!(store.get(job.id).await.unwrap().state, JobState::Cancelled);
+    assert_eq!(store.revision(), Some(cancelled), "reading commits nothing");
+    store.close().await;
+    assert_eq!(store.revision(), None, "it is closed");
+}
+
 /// A write that takes long, here one that another process holds open, must not
 /// keep a status request waiting.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
