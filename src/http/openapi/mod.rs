@@ -103,6 +103,7 @@ pub fn openapi() -> Value {
     let labels = &mut document["components"]["schemas"]["Changes"]["properties"]["labels"];
     labels["propertyNames"] = json!({"pattern": "^[A-Za-z0-9_.-]{1,63}$"});
     labels["additionalProperties"]["maxLength"] = 200.into();
+    labels["additionalProperties"]["pattern"] = "^[^\\x00-\\x1F\\x7F-\\x9F]*$".into();
     labels["maxProperties"] = 16.into();
     uploads::describe(&mut document);
     describe_access(&mut document);
