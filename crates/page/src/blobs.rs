@@ -82,9 +82,8 @@ impl Blobs {
             }
         }
         absorb_islands(&parts, inside.width, &mut drawing, &mut list);
-        let is_free: Vec<bool> = lettering.is_letter.iter().map(|letter| !letter).collect();
         let absorb = |drawing: &mut [Option<usize>], list: &mut [Blob]| {
-            absorb_near(&parts, inside.width, &is_free, drawing, list, size);
+            absorb_near(&parts, inside.width, &lettering.is_letter, drawing, list, size);
         };
         absorb(&mut drawing, &mut list);
         if join_stacked(&parts.labels, inside.width, &mut drawing, &mut list, size) {
@@ -92,7 +91,7 @@ impl Blobs {
             absorb(&mut drawing, &mut list);
         }
         // What is left makes drawings of its own where it is close together.
-        let is_left = |k: usize| drawing[k].is_none() && is_free[k] && side(k) > speck;
+        let is_left = |k: usize| drawing[k].is_none() && !lettering.is_letter[k] && side(k) > speck;
         let left = parts.select(inside.width, is_left);
         let reach = (TOGETHER * size / 2.0).max(1.0) as f32;
         let joined = left.dilated(reach).components(true);
@@ -147,11 +146,11 @@ fn pixels<T: PartialEq>(values: &[T], width: usize, value: T, bounds: &Box2, pad
 
 /// Gives small parts that are near a drawing to it.
 ///
-/// * `is_free`: whether a part may be of a drawing.
+/// * `is_letter`: which parts are of no drawing.
 fn absorb_near(
     parts: &Components,
     width: usize,
-    is_free: &[bool],
+    is_letter: &[bool],
     drawing: &mut [Option<usize>],
     list: &mut [Blob],
     size: f64,
@@ -161,7 +160,7 @@ fn absorb_near(
         let near = nearest(&parts.labels, width, drawing, reach);
         let mut changed = false;
         for k in 0..parts.parts.len() {
-            if drawing[k].is_some() || !is_free[k] {
+            if drawing[k].is_some() || is_letter[k] {
                 continue;
             }
             let Some((gap, to)) = near[k] else { continue };
