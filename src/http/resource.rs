@@ -107,9 +107,6 @@ pub(super) struct ListParameters {
     /// Only those in this state.
     state: Option<JobStateName>,
     /// Only those that have all of these labels: `show:7,shot:12`.
-    #[param(
-        pattern = "^,*([A-Za-z0-9_.-]{1,63}:[^,\\x00-\\x1F\\x7F-\\x9F]{0,200}(,+[A-Za-z0-9_.-]{1,63}:[^,\\x00-\\x1F\\x7F-\\x9F]{0,200}){0,15},*)?$"
-    )]
     labels: Option<String>,
     /// Only those sent at this time or later (RFC 3339).
     #[param(value_type = Option<String>, format = DateTime)]

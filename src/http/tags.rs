@@ -23,7 +23,7 @@ const MAX_SECONDS: i64 = 10 * 366 * 24 * 3600;
 pub(super) struct Changes {
     /// Null takes it away.
     #[serde(deserialize_with = "given")]
-    #[schema(value_type = Option<String>, max_length = 200, pattern = "^[^\\x00-\\x1F\\x7F-\\x9F]*$")]
+    #[schema(value_type = Option<String>, max_length = 200)]
     name: Option<Option<String>>,
     /// All of them: those not given are taken away. Names are 1 to 63 letters,
     /// digits, `_`, `-` and `.`; texts have 200 characters at most; 16 pairs at most.

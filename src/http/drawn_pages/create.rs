@@ -37,10 +37,8 @@ problem_responses! {
     operation_id = "create_page",
     tag = "pages",
     params(
-        ("name" = Option<String>, Query, max_length = 200, pattern = "^[^\\x00-\\x1F\\x7F-\\x9F]*$",
-         description = "What people call it"),
-        ("labels" = Option<String>, Query, pattern = "^,*([A-Za-z0-9_.-]{1,63}:[^,\\x00-\\x1F\\x7F-\\x9F]{0,200}(,+[A-Za-z0-9_.-]{1,63}:[^,\\x00-\\x1F\\x7F-\\x9F]{0,200}){0,15},*)?$",
-         example = "show:7,shot:12",
+        ("name" = Option<String>, Query, max_length = 200, description = "What people call it"),
+        ("labels" = Option<String>, Query, example = "show:7,shot:12",
          description = "What it is found by: NAME:TEXT pairs, 16 at most"),
         ("expires_in" = Option<i64>, Query, minimum = 0, maximum = 316_224_000,
          description = "Seconds until it is deleted by itself"),

@@ -100,17 +100,44 @@ pub fn openapi() -> Value {
     describe_other_errors(&mut document);
     tell_head_from_get(&mut document);
     describe_bytes(&mut document);
-    let labels = &mut document["components"]["schemas"]["Changes"]["properties"]["labels"];
-    labels["propertyNames"] = json!({"pattern": "^[A-Za-z0-9_.-]{1,63}$"});
-    labels["additionalProperties"]["maxLength"] = 200.into();
-    labels["additionalProperties"]["pattern"] = "^[^\\x00-\\x1F\\x7F-\\x9F]*$".into();
-    labels["maxProperties"] = 16.into();
+    describe_tags(&mut document);
     uploads::describe(&mut document);
     describe_access(&mut document);
     for (name, schema) in foreign_schemas() {
         document["components"]["schemas"][name] = schema;
     }
     document
+}
+
+/// A text without control characters.
+const TEXT: &str = r"^[^\x00-\x1F\x7F-\x9F]*$";
+/// Pairs of labels as a query gives them.
+const LABELS: &str = concat!(
+    r"^,*([A-Za-z0-9_.-]{1,63}:[^,\x00-\x1F\x7F-\x9F]{0,200}",
+    r"(,+[A-Za-z0-9_.-]{1,63}:[^,\x00-\x1F\x7F-\x9F]{0,200}){0,15},*)?$",
+);
+
+/// Says of what form names and labels are, wherever they are given.
+fn describe_tags(document: &mut Value) {
+    let changes = &mut document["components"]["schemas"]["Changes"]["properties"];
+    changes["name"]["pattern"] = TEXT.into();
+    let labels = &mut changes["labels"];
+    labels["propertyNames"] = json!({"pattern": "^[A-Za-z0-9_.-]{1,63}$"});
+    labels["additionalProperties"]["maxLength"] = 200.into();
+    labels["additionalProperties"]["pattern"] = TEXT.into();
+    labels["maxProperties"] = 16.into();
+    let operations =
+        document["paths"].as_object_mut().into_iter().flat_map(|paths| paths.values_mut());
+    let operations = operations.filter_map(Value::as_object_mut).flat_map(|path| path.values_mut());
+    for parameter in operations.filter_map(|it| it.get_mut("parameters")?.as_array_mut()).flatten()
+    {
+        let pattern = match (parameter["in"].as_str(), parameter["name"].as_str()) {
+            (Some("query"), Some("name")) => TEXT,
+            (Some("query"), Some("labels")) => LABELS,
+            _ => continue,
+        };
+        parameter["schema"]["pattern"] = pattern.into();
+    }
 }
 
 /// Schemas that are made elsewhere, as components.
