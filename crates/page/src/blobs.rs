@@ -1,7 +1,7 @@
 //! Connected parts of ink and colour, joined to drawings.
 
 use subject::raster::{Bits, Component, Components, Raster, filled};
-use subject::{Box2, Marks};
+use subject::{Box2, Marks, mosaic};
 
 use crate::letters;
 
@@ -41,6 +41,9 @@ pub(crate) struct Blobs {
     pub(crate) words: Vec<Box2>,
 }
 
+/// Pieces of one figure are no further apart, share of the page's longer side.
+const PIECES_APART: f64 = 0.01;
+
 /// The owner of letters' pixels.
 pub(crate) const LETTERS: u16 = u16::MAX;
 /// More drawings are not told apart: the smallest are dirt.
@@ -49,7 +52,10 @@ const MOST: usize = 4000;
 /// What lines and areas enclose; paper gets in wherever they do not touch, so
 /// that figures next to each other stay apart.
 pub(crate) fn inside(marks: &Marks) -> Bits {
-    marks.lines.clone().or(&marks.areas).not().reached_from_border().not()
+    let drawn = marks.lines.clone().or(&marks.areas);
+    let reach = PIECES_APART * drawn.width.max(drawn.height) as f64;
+    let mosaics = mosaic::figures(&drawn, reach);
+    drawn.or(&mosaics).not().reached_from_border().not()
 }
 
 /// The height of the largest part that is no mere line, px.

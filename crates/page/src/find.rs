@@ -191,18 +191,14 @@ fn found(
     steps.done(1, "marks")?;
     let drawn = marks.lines.clone();
     let mut left = removed_lines(&mut marks);
-    let ruled = drawn.and_not(&marks.lines);
+    let ruled = drawn.clone().and_not(&marks.lines);
     steps.done(2, "lines")?;
     let (blobs, selected) = drawings(&marks);
-    left.extend(select::left_out(&blobs, &selected, &colours));
-    let left_out: Vec<LeftOut> = left
-        .into_iter()
-        .map(|l| LeftOut { place: l.place.scaled(marks.factor as u32, width, height), ..l })
-        .collect();
     steps.done(3, "figures")?;
     let count = selected.views.len();
     if count == 0 {
-        return Err(PageError::NoFigure { left_out: left_out.len() });
+        left.extend(select::left_out(&blobs, &selected, &[], &colours));
+        return Err(PageError::NoFigure { left_out: left.len() });
     }
     if count > options.max_figures {
         return Err(PageError::TooManyFigures { found: count, limit: options.max_figures });
@@ -210,9 +206,15 @@ fn found(
     let order = reading_order(&blobs, &selected);
     let detail = small::detail(&colours);
     let views: Vec<View> =
-        order.par_iter().map(|&(k, row)| View::of(&marks, &blobs, k, row, &detail)).collect();
+        order.par_iter().map(|at| View::of(&marks, &drawn, &blobs, *at, &detail)).collect();
     steps.done(4, "outlines")?;
-    let mut owners = owners(&blobs, &order);
+    let inner = inner(&blobs, &order, &views);
+    left.extend(select::left_out(&blobs, &selected, &inner, &colours));
+    let left_out: Vec<LeftOut> = left
+        .into_iter()
+        .map(|l| LeftOut { place: l.place.scaled(marks.factor as u32, width, height), ..l })
+        .collect();
+    let mut owners = owners(&blobs, &order, &inner);
     let mut kept = marks.lines.clone();
     for (k, view) in views.iter().enumerate() {
         view.edges_on(&mut kept, &mut owners, FIRST + k as u16);
@@ -306,10 +308,20 @@ fn reading_order(blobs: &Blobs, selected: &Selected) -> Vec<(usize, usize)> {
     order
 }
 
-fn owners(blobs: &Blobs, order: &[(usize, usize)]) -> Raster<u16> {
+/// Drawings that lie within a view, and its place in the order: what its edge encloses is known
+/// only once the stretches of removed lines are back.
+fn inner(blobs: &Blobs, order: &[(usize, usize)], views: &[View]) -> Vec<(usize, usize)> {
+    let is_view = |k: usize| order.iter().any(|(view, _)| *view == k);
+    let of = |k: usize| views.iter().position(|view| view.has_within(blobs, k)).map(|to| (k, to));
+    (0..blobs.list.len()).filter(|k| !is_view(*k)).filter_map(of).collect()
+}
+
+/// * `inner`: as of [`inner`].
+fn owners(blobs: &Blobs, order: &[(usize, usize)], inner: &[(usize, usize)]) -> Raster<u16> {
     let mut of = vec![LEFT; blobs.list.len() + 1];
     of[0] = NOBODY;
-    for (place, (k, _)) in order.iter().enumerate() {
+    let own = order.iter().enumerate().map(|(place, (k, _))| (*k, place));
+    for (k, place) in own.chain(inner.iter().copied()) {
         of[k + 1] = FIRST + place as u16;
     }
     let of = |owner: &u16| of.get(*owner as usize).copied().unwrap_or(LETTERS);
@@ -329,7 +341,13 @@ struct View {
 }
 
 impl View {
-    fn of(marks: &Marks, blobs: &Blobs, k: usize, row: usize, detail: &Raster<u8>) -> Self {
+    fn of(
+        marks: &Marks,
+        drawn: &Bits,
+        blobs: &Blobs,
+        (k, row): (usize, usize),
+        detail: &Raster<u8>,
+    ) -> Self {
         let place = blobs.list[k].bounds;
         let own = blobs.pixels(k, PAD);
         let within = |bits: &Bits| {
@@ -346,8 +364,9 @@ impl View {
         let (lines, areas) = (within(&marks.lines), within(&marks.areas));
         let options = SubjectOptions::default();
         let corner = (i64::from(place.left) - PAD as i64, i64::from(place.top) - PAD as i64);
-        let edges = marks.own_edges(&lines.clone().or(&areas), corner);
-        let mask = enclosed(&lines, &areas, marks.stroke_px, &options).or(&own);
+        let edges = marks.own_edges(&lines.clone().or(&areas), drawn, corner);
+        let closed = lines.or(&edges);
+        let mask = enclosed(&closed, &areas, marks.stroke_px, &options).or(&own);
         let mut near = Raster::filled(own.width, own.height, 0_u8);
         for y in 0..place.height() as usize {
             let from = (y + place.top as usize) * detail.width + place.left as usize;
@@ -358,6 +377,25 @@ impl View {
         // Closing gaps cannot reach beyond the bounds, so there is a shape.
         let shape = Shape::of(&mask, &near).expect("a drawing has pixels");
         Self { place, mask, edges, row, shape }
+    }
+
+    /// Whether all of a drawing lies within its mask.
+    fn has_within(&self, blobs: &Blobs, k: usize) -> bool {
+        let (place, bounds) = (&self.place, &blobs.list[k].bounds);
+        let is_in_box = bounds.left >= place.left
+            && bounds.right <= place.right
+            && bounds.top >= place.top
+            && bounds.bottom <= place.bottom;
+        if !is_in_box {
+            return false;
+        }
+        let drawing = blobs.pixels(k, 0);
+        (0..drawing.data.len()).filter(|&at| drawing.data[at]).all(|at| {
+            let (x, y) = (at % drawing.width, at / drawing.width);
+            let x = x + (bounds.left - place.left) as usize + PAD;
+            let y = y + (bounds.top - place.top) as usize + PAD;
+            self.mask.at(x as i64, y as i64)
+        })
     }
 
     /// Adds its edges on removed lines to `kept`, and makes it the owner of those that are nobody's.

@@ -141,9 +141,12 @@ fn is_flat(blob: &Blob) -> bool {
 }
 
 /// What each drawing that is no view is; boxes are in working px.
+///
+/// * `inner`: drawings that are of a view, each with the view's place.
 pub(crate) fn left_out(
     blobs: &Blobs,
     selected: &Selected,
+    inner: &[(usize, usize)],
     colours: &Raster<[u8; 3]>,
 ) -> Vec<LeftOut> {
     let profiles: Vec<Profile> =
@@ -155,7 +158,7 @@ pub(crate) fn left_out(
     };
     let mut left: Vec<LeftOut> = blobs.words.iter().map(caption).collect();
     for (k, blob) in blobs.list.iter().enumerate() {
-        if selected.views.contains(&k) {
+        if selected.views.contains(&k) || inner.iter().any(|(own, _)| *own == k) {
             continue;
         }
         let tall = f64::from(blob.bounds.height());

@@ -189,6 +189,65 @@ fn guides_are_rubbed_out_of_cut_outs_and_soles_stay() {
 }
 
 #[test]
+fn what_a_figure_encloses_with_a_removed_line_is_of_it() {
+    // Open boxes on a ground line, with a screen that touches nothing.
+    let mut page = paper(700, 360);
+    for left in [120, 420] {
+        for (x, y, w, h) in [(0, 80, 160, 3), (0, 80, 3, 180), (157, 80, 3, 180)] {
+            block(&mut page, left + x, y, w, h, INK);
+        }
+        for (x, y, w, h) in
+            [(40, 120, 80, 3), (40, 197, 80, 3), (40, 120, 3, 80), (117, 120, 3, 80)]
+        {
+            block(&mut page, left + x, y, w, h, INK);
+        }
+    }
+    block(&mut page, 20, 257, 660, 3, INK);
+    let proposal = proposed(&page);
+    assert_eq!(proposal.figures.len(), 2);
+    let left: Vec<LeftOutKind> = proposal.left_out.iter().map(|left| left.kind).collect();
+    assert_eq!(left, [LeftOutKind::GroundLine]);
+    for (k, figure) in proposal.figures.iter().enumerate() {
+        let cut = page::cut_out(&page, &proposal, k);
+        let around = page::with_margin(&figure.place, page.dimensions());
+        let at = |x: u32, y: u32| cut.get_pixel(x - around.left, y - around.top).0[0];
+        let left = [120, 420][k];
+        assert!(at(left + 80, 121) < 128 && at(left + 118, 160) < 128, "the screen is gone");
+        assert!(at(left + 80, 258) < 128, "the lower edge went with the ground line");
+    }
+}
+
+#[test]
+fn edges_of_neighbours_at_one_height_are_no_guide() {
+    // Bowls whose rims are level and nearly touch.
+    let mut page = paper(760, 300);
+    for middle in [200.0, 560.0] {
+        for y in 80..230_u32 {
+            let half =
+                |y: f64| 172.0 * (1.0 - ((y - 80.0) / 150.0).max(0.0).powi(4)).max(0.0).sqrt();
+            for x in 0..760_u32 {
+                let off = (f64::from(x) - middle).abs();
+                let is_edge = off <= half(f64::from(y)) && off > half(f64::from(y) + 3.0) - 3.0;
+                let is_rim = y < 83 && off <= half(80.0);
+                if is_edge || is_rim {
+                    page.put_pixel(x, y, INK);
+                }
+            }
+        }
+    }
+    let proposal = proposed(&page);
+    assert_eq!(proposal.figures.len(), 2);
+    for k in 0..2 {
+        let cut = page::cut_out(&page, &proposal, k);
+        let around = page::with_margin(&proposal.figures[k].place, page.dimensions());
+        let middle = [200, 560][k] - around.left;
+        let rim =
+            (middle - 150..middle + 150).filter(|x| cut.get_pixel(*x, 81 - around.top).0[0] < 128);
+        assert!(rim.count() > 290, "the rim of bowl {k} was rubbed out");
+    }
+}
+
+#[test]
 fn azimuths_by_hand_must_be_one_a_figure() {
     let azimuths = |text| page::azimuth_order(text).unwrap().unwrap();
     let mut proposals = vec![proposed(&sheet())];

@@ -1,7 +1,7 @@
 //! Frames, guide lines, ground lines and dimension lines: long straight thin
 //! strokes that go on where the figure does not.
 
-use crate::cutting::{Restore, cut_all};
+use crate::cutting::{Drawn, Restore, close, cut_all};
 use crate::options::CleanOptions;
 use crate::raster::Bits;
 use crate::report::{Box2, Removed, RemovedKind};
@@ -136,8 +136,10 @@ fn without(
 ///
 /// * `own`: the figure's ink without the lines; they are those of the raster that it was cut from
 ///   at `left`, `top`.
+/// * `drawn`: that raster, before the lines were removed.
 pub(crate) fn own_edges(
     own: &Bits,
+    drawn: &Bits,
     lines: &[Line],
     (left, top): (i64, i64),
     stroke_px: f64,
@@ -154,17 +156,28 @@ pub(crate) fn own_edges(
     }
     let (left, top) = (left - beyond as i64, top - beyond as i64);
     let lines: Vec<Line> = lines.iter().filter_map(|line| within(line, &ink, left, top)).collect();
+    // Edges of figures beside each other may have been taken for one line, that ends with them.
+    let lines: Vec<Line> = lines
+        .into_iter()
+        .map(|line| {
+            let from = line.from.saturating_sub(beyond);
+            let length = if line.upright { ink.height } else { ink.width };
+            Line { from, to: (line.to + beyond).min(length), at: line.across(from), ..line }
+        })
+        .collect();
+    let mut before = ink.clone();
     for line in &lines {
         for along in line.from..line.to {
             let (middle, half) = (line.across(along), line.thickness / 2.0);
             for across in (middle - half).round() as i64..(middle + half).round() as i64 {
                 let along = along as i64;
                 let (x, y) = if line.upright { (across, along) } else { (along, across) };
-                ink.set(x, y, true);
+                before.set(x, y, true);
             }
         }
     }
-    cut_all(&mut ink, &lines, &[], stroke_px, Restore::Best);
+    let drawn = Drawn { ink: drawn, corner: (left, top) };
+    close(&mut ink, &before, &drawn, &lines, stroke_px);
     let mut edges = Bits::filled(own.width, own.height, false);
     for y in 0..own.height {
         let from = (y + beyond) * ink.width + beyond;
@@ -460,6 +473,33 @@ mod tests {
         let area = filled(&cleaned.ink).count() as f64;
         let round = std::f64::consts::PI * 80.0 * 80.0 * rings as f64;
         assert!(area > 0.95 * round, "{area} of {round}");
+    }
+
+    #[test]
+    fn strokes_that_leave_a_guide_long_after_they_entered_it_go_on() {
+        // A wedge whose lower edge crosses the guide at a slope of one in five.
+        let edge = |x: i64| 80.0 + 0.2 * (x - 60) as f64;
+        let wedge = |guide: bool| {
+            let mut ink = Bits::filled(520, 240, false);
+            for x in 60..460_i64 {
+                for y in 0..240_i64 {
+                    let on_edge = (edge(x)..edge(x) + 2.0).contains(&(y as f64));
+                    let on_side = (458..460).contains(&x) && (30..edge(x) as i64).contains(&y);
+                    let on_end = (60..62).contains(&x) && (30..82).contains(&y);
+                    let on_guide = guide && (118..120).contains(&y);
+                    let on_top = (30..32).contains(&y);
+                    ink.set(x, y, on_edge || on_side || on_end || on_top || on_guide);
+                }
+            }
+            for x in (10..60).chain(460..510) {
+                (118..120).for_each(|y| ink.set(x, y, guide));
+            }
+            ink
+        };
+        let cleaned = without_page_lines(&wedge(true), &wedge(true), 2.0, &CleanOptions::default());
+        assert_eq!(cleaned.removed.len(), 1);
+        let (area, whole) = (filled(&cleaned.ink).count(), filled(&wedge(false)).count());
+        assert!(area * 100 >= whole * 97 && area * 97 <= whole * 100, "{area} of {whole}");
     }
 
     #[test]

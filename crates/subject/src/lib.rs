@@ -23,6 +23,7 @@ mod ink;
 mod lettering;
 mod linear;
 mod marks;
+pub mod mosaic;
 mod options;
 mod paper;
 mod pieces;

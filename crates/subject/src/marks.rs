@@ -121,8 +121,9 @@ impl Marks {
     /// Where a figure's own edge lies on straight lines that were removed: soles on a ground line.
     ///
     /// * `own`: its strokes and areas, from column `left` and row `top` of the rasters.
-    pub fn own_edges(&self, own: &Bits, (left, top): (i64, i64)) -> Bits {
-        clutter::own_edges(own, &self.removed, (left, top), self.stroke_px)
+    /// * `drawn`: all strokes of the page, before lines were removed.
+    pub fn own_edges(&self, own: &Bits, drawn: &Bits, (left, top): (i64, i64)) -> Bits {
+        clutter::own_edges(own, drawn, &self.removed, (left, top), self.stroke_px)
     }
 
     fn find_areas(&mut self) {

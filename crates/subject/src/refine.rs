@@ -117,7 +117,8 @@ pub(crate) fn selected(mask: &GrayImage, structure: &Structure, hints: &Hints) -
         let cell = y / factor * rw + x / factor;
         let cleared = structure.cleared.data[cell] && !structure.inside.data[cell];
         let wanted = all_kept || (kept.data[cell] && !cleared);
-        if *level >= 128 && wanted { INSIDE } else { OUTSIDE }
+        let shut = structure.bridged.data[cell] && structure.inside.data[cell];
+        if (*level >= 128 && wanted) || shut { INSIDE } else { OUTSIDE }
     };
     let levels = mask.as_raw().par_iter().enumerate().map(level).collect();
     let mut mask = GrayImage::from_raw(mask.width(), mask.height(), levels).unwrap_or_default();

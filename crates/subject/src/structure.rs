@@ -9,7 +9,7 @@ use crate::raster::{Bits, Raster, filled};
 use crate::report::{Box2, DrawingKind, Gap, Piece, Point, Removed, RemovedKind, Warning};
 use crate::subject::erased;
 use crate::tone::Tone;
-use crate::{clutter, edges, gaps, holes, lettering, strokes};
+use crate::{clutter, edges, gaps, holes, lettering, mosaic, strokes};
 
 /// A set of pixels at any size.
 pub(crate) type Area = Bits;
@@ -34,6 +34,10 @@ const OPEN_SHARE: f64 = 0.045;
 /// A border with more that is not paper is a backdrop.
 const BUSY: f64 = 0.5;
 const LEAST_CONTRAST: f32 = 40.0;
+/// Painted pieces of a mosaic are at least twice so wide, share of the figure's size,
+const PIECE: f64 = 0.003;
+/// and no further apart.
+const MOSAIC_REACH: f64 = 0.02;
 
 /// The subject at working size.
 pub(crate) struct Structure {
@@ -82,6 +86,10 @@ impl Structure {
         own.stroke = stroke_of(&lines);
         own.erase(hints, &mut inside);
         if kind == DrawingKind::CutOut {
+            if let Some(whole) = own.mosaic(&inside) {
+                own.bridged = whole.clone().and_not(&inside);
+                inside = inside.or(&whole);
+            }
             own.clean(&mut inside, options);
             own.decide_pieces(inside, hints, options);
         } else {
@@ -102,11 +110,20 @@ impl Structure {
         let mut own = Self::empty(DrawingKind::LineArt, factor, &lines);
         own.stroke = stroke_of(&lines);
         own.erase(hints, &mut lines);
-        own.clean(&mut lines, options);
         let mut painted = above(&colour, tone.tolerance.max(CLEAR_COLOUR));
+        let painted_all = painted.clone();
+        let mosaic = own.mosaic(&painted);
+        let drawn_lines = lines.clone();
+        own.clean(&mut lines, options);
+        if let Some(whole) = &mosaic {
+            own.keep_all_of(whole, &drawn_lines, &mut lines);
+        }
         let around = own.cleared.dilated(2.0);
         painted = painted.and_not(&around);
-        let areas_beside = |stroke: f64| painted.opened((1.5 * stroke + 1.0) as f32);
+        let areas_beside = |stroke: f64| {
+            let areas = painted.opened((1.5 * stroke + 1.0) as f32);
+            mosaic.iter().fold(areas, Bits::or)
+        };
         let areas = areas_beside(own.stroke);
         let mut barrier = lines.clone().or(&areas);
         let mut all_over = false;
@@ -117,6 +134,7 @@ impl Structure {
             let from = tone.tolerance.max(CLEAR_COLOUR).max(HALO * typical(&colour, &areas));
             let painted = painted.and_not(&above(&colour, from).not());
             barrier = lines.clone().or(&painted.opened((0.5 * own.stroke).max(1.0) as f32));
+            barrier = mosaic.iter().fold(barrier, Bits::or);
             own.colour_from = Some(from);
             own.kind = if tone.is_shaded(&areas, factor) {
                 DrawingKind::Shaded
@@ -124,7 +142,8 @@ impl Structure {
                 DrawingKind::Flat
             };
         }
-        let drawn = barrier.clone();
+        let seams = mosaic.map(|whole| whole.and_not(&painted_all));
+        let drawn = seams.iter().fold(barrier.clone(), Bits::and_not);
         for side in edges::close(&mut barrier, own.stroke) {
             own.warnings.push(Warning::CutByEdge { side });
         }
@@ -136,6 +155,27 @@ impl Structure {
         own.decide_pieces(inside, hints, options);
         own.judge(tone);
         own
+    }
+
+    /// A figure of painted pieces with seams of paper between them, seams shut, if it is one.
+    fn mosaic(&self, painted: &Bits) -> Option<Bits> {
+        let drawn = painted.clone().and_not(&self.cleared);
+        let size = drawn.bounds().map_or(1.0, |bounds| figure_size(&bounds));
+        let pieces = drawn.opened((PIECE * size).max(1.0) as f32);
+        let whole = mosaic::figures(&pieces, MOSAIC_REACH * size);
+        (whole.count() > 0).then_some(whole)
+    }
+
+    /// Takes back that strokes within `whole`, of which `drawn` are all, are letters or lines.
+    fn keep_all_of(&mut self, whole: &Bits, drawn: &Bits, lines: &mut Bits) {
+        *lines = lines.clone().or(&drawn.clone().and_not(&whole.not()));
+        self.cleared = self.cleared.clone().and_not(whole);
+        self.removed.retain(|removed| {
+            let place = &removed.place;
+            let (x, y) =
+                (u32::midpoint(place.left, place.right), u32::midpoint(place.top, place.bottom));
+            removed.kind == RemovedKind::Erased || !whole.at(i64::from(x), i64::from(y))
+        });
     }
 
     fn empty(kind: DrawingKind, factor: usize, like: &Bits) -> Self {

@@ -1,0 +1,325 @@
+//! Stretches of removed lines that are a figure's own edge.
+
+use std::collections::BTreeMap;
+
+use super::Along;
+use crate::raster::{Bits, filled};
+use crate::report::Box2;
+use crate::straight::Line;
+
+/// Paper between two feet is so long, of the longer foot, or so many times as
+/// high as it is long.
+const AS_LONG: f64 = 0.8;
+const AS_HIGH: f64 = 2.5;
+/// An area borders on a stretch if it is so much of what lies just beside it: a sliver below what
+/// is round and just above the line is none.
+const BORDERED: f64 = 0.5;
+/// An area as low, of the figure's height from the line on, is closed for less than it may spoil.
+const LOW: f64 = 0.1;
+/// A line along which an edge is drawn is so much thicker, px.
+const THICKER_PX: f64 = 0.9;
+/// Smaller areas are noise, px².
+const LEAST_AREA: usize = 6;
+
+/// Draws those stretches of removed lines again that close the figure best.
+///
+/// * `before`: `ink` and the lines.
+/// * `drawn`: as it was before any line was removed.
+pub(crate) fn close(
+    ink: &mut Bits,
+    before: &Bits,
+    drawn: &Drawn<'_>,
+    lines: &[Line],
+    stroke_px: f64,
+) {
+    for line in lines {
+        let runs = contacts(ink, line, stroke_px);
+        let stretches: Vec<(&Contact, &Contact)> = runs.iter().zip(runs.iter().skip(1)).collect();
+        if stretches.is_empty() {
+            continue;
+        }
+        let draw = |ink: &mut Bits, is: &dyn Fn(usize) -> bool| {
+            let chosen = stretches.iter().enumerate().filter(|(k, _)| is(*k));
+            let chosen: Vec<_> = chosen.map(|(_, pair)| *pair).collect();
+            restore(ink, before, line, stroke_px, &chosen);
+        };
+        let mut all = ink.clone();
+        draw(&mut all, &|_| true);
+        let figure = figure_stretches(ink, &all, drawn, line, stroke_px, &stretches);
+        draw(ink, &|k| figure[k]);
+    }
+}
+
+/// Which stretches of a line between strokes are the figure's own edge: all that
+/// must be drawn to close it, but for paper between its feet.
+///
+/// Where the line is thicker than elsewhere an edge is drawn along it. Of the rest, paper between feet
+/// borders on one stretch alone, on either side of which the
+/// figure stands, and is long or high; the first and last stretches are feet. It is also what lies
+/// between two feet that are closed without the line, and what is low: below a base on castors.
+///
+/// * `all`: `ink` with all stretches drawn again.
+fn figure_stretches(
+    ink: &Bits,
+    all: &Bits,
+    drawn: &Drawn<'_>,
+    line: &Line,
+    stroke_px: f64,
+    stretches: &[(&Contact, &Contact)],
+) -> Vec<bool> {
+    let inside = filled(ink);
+    let gained = filled(all).and_not(&inside).and_not(all);
+    let regions = gained.components(false);
+    let (first, last) = (line.thickness / 2.0 + 1.0, contact_offset(line, stroke_px) + stroke_px);
+    let across = |b: &Box2| f64::from(if line.upright { b.width() } else { b.height() });
+    let beside = |(a, b): &(&Contact, &Contact)| -> Option<usize> {
+        let mut counts = BTreeMap::new();
+        for along in a.to + 1..b.from {
+            for d in first as usize..=last.ceil() as usize {
+                let across = (line.across(along) + a.side * d as f64).floor() as i64;
+                let along = along as i64;
+                let (x, y) = if line.upright { (across, along) } else { (along, across) };
+                let inside =
+                    x >= 0 && y >= 0 && (x as usize) < ink.width && (y as usize) < ink.height;
+                let label =
+                    if inside { regions.labels[y as usize * ink.width + x as usize] } else { 0 };
+                *counts.entry(label).or_insert(0_usize) += 1;
+            }
+        }
+        let all: usize = counts.values().sum();
+        let largest = counts.into_iter().filter(|(label, _)| *label != 0).max_by_key(|c| c.1)?;
+        let region = largest.0 as usize - 1;
+        let is_most = largest.1 as f64 >= BORDERED * all as f64;
+        let is_deep = across(&regions.parts[region].bounds) > last.ceil();
+        (is_most && is_deep && regions.parts[region].area >= LEAST_AREA).then_some(region)
+    };
+    let own: Vec<Option<usize>> = stretches.iter().map(beside).collect();
+    let tall = stretches.first().map_or(0.0, |(contact, _)| extent(ink, line, contact.side));
+    let length = |k: usize| (stretches[k].1.from.saturating_sub(stretches[k].0.to)) as f64;
+    let alone = drawn.thickness_alone(line);
+    let is_paper = |k: usize| {
+        let Some(region) = own[k] else { return false };
+        let (from, to) = (stretches[k].0.to, stretches[k].1.from);
+        if drawn.thickness(line, from, to) >= alone + THICKER_PX {
+            return false;
+        }
+        let high = across(&regions.parts[region].bounds);
+        if high <= LOW * tall && stretches.len() > 1 {
+            return true;
+        }
+        let (before, behind) = stretches[k];
+        if is_closed(&inside, line, before, -1, stroke_px)
+            && is_closed(&inside, line, behind, 1, stroke_px)
+        {
+            return true;
+        }
+        let alone = own.iter().filter(|other| **other == Some(region)).count() == 1;
+        if k == 0 || k + 1 == stretches.len() || !alone {
+            return false;
+        }
+        let feet = length(k - 1).max(length(k + 1));
+        length(k) >= AS_LONG * feet || high >= AS_HIGH * length(k)
+    };
+    (0..stretches.len()).map(|k| own[k].is_some() && !is_paper(k)).collect()
+}
+
+/// What was drawn before lines were removed.
+pub(crate) struct Drawn<'a> {
+    pub(crate) ink: &'a Bits,
+    /// Where the raster that lines are on begins, px of `ink`.
+    pub(crate) corner: (i64, i64),
+}
+
+impl Drawn<'_> {
+    /// How thick a line is where nothing is drawn along it, px.
+    fn thickness_alone(&self, line: &Line) -> f64 {
+        let length = if line.upright { self.ink.height } else { self.ink.width } as i64;
+        let shift = if line.upright { self.corner.1 } else { self.corner.0 };
+        let mut runs: Vec<usize> = (-shift..length - shift)
+            .map(|along| self.run(line, along))
+            .filter(|run| *run > 0)
+            .collect();
+        if runs.is_empty() {
+            return line.thickness;
+        }
+        let quarter = runs.len() / 4;
+        *runs.select_nth_unstable(quarter).1 as f64
+    }
+
+    /// How thick a line is between two places along it, on average, px; what crosses it counts little.
+    fn thickness(&self, line: &Line, from: usize, to: usize) -> f64 {
+        let runs: Vec<usize> =
+            (from as i64 + 1..to as i64).map(|along| self.run(line, along)).collect();
+        runs.iter().sum::<usize>() as f64 / runs.len().max(1) as f64
+    }
+
+    /// The pixels drawn across a line in one place, px.
+    fn run(&self, line: &Line, along: i64) -> usize {
+        let middle = (line.at + line.slope * (along - line.from as i64) as f64).floor() as i64;
+        let reach = line.thickness.ceil() as i64 + 1;
+        let at = |across: i64| {
+            let (x, y) = if line.upright { (across, along) } else { (along, across) };
+            self.ink.at(x + self.corner.0, y + self.corner.1)
+        };
+        let Some(start) = (0..=reach).flat_map(|d| [middle - d, middle + d]).find(|y| at(*y))
+        else {
+            return 0;
+        };
+        let most = 2 * reach + 1;
+        let run = |way: i64| (1..=most).take_while(|d| at(start + way * d)).count();
+        (1 + run(-1) + run(1)).min(most as usize)
+    }
+}
+
+/// How far `ink` goes on from a line on one side.
+fn extent(ink: &Bits, line: &Line, side: f64) -> f64 {
+    let from = line.across((line.from + line.to) / 2);
+    let length = if line.upright { ink.width } else { ink.height };
+    let is_inked = |across: &usize| match line.upright {
+        true => (0..ink.height).any(|y| ink.at(*across as i64, y as i64)),
+        false => ink.row(*across).contains(&true),
+    };
+    let last = if side < 0.0 { (0..length).find(is_inked) } else { (0..length).rfind(is_inked) };
+    last.map_or(0.0, |across| (side * (across as f64 - from)).max(0.0))
+}
+
+/// Whether what meets a line is closed without it: on its side `way`, before it or behind, `inside`
+/// goes on for longer than a stroke is wide, and away from the line too.
+fn is_closed(inside: &Bits, line: &Line, contact: &Contact, way: i64, stroke_px: f64) -> bool {
+    let first = contact_offset(line, stroke_px) as usize;
+    let deep = (3.0 * stroke_px + 3.0).ceil() as usize;
+    let at = |along: i64, d: usize| {
+        let offset = contact.side * d as f64;
+        let across = (line.across(usize::try_from(along).unwrap_or(0)) + offset).floor() as i64;
+        if line.upright { inside.at(across, along) } else { inside.at(along, across) }
+    };
+    // What ends in the contact is followed to the other side of a stroke and beyond.
+    let far = if way < 0 { contact.to } else { contact.from } as i64;
+    (first..=first + deep).any(|d| {
+        let run = (0..).take_while(|step| at(far + way * step, d)).count();
+        // Neither a stroke that leans nor one that stands goes on so far both ways.
+        let thick = (0..run as i64).filter(|step| at(far + way * step, d + deep)).count();
+        run > (contact.to - contact.from) + deep && thick > deep
+    })
+}
+
+/// Where strokes meet a line, as runs along it, if they come from one side only.
+fn contacts(ink: &Bits, line: &Line, stroke_px: f64) -> Vec<Contact> {
+    let mut copy = ink.clone();
+    let view = Along { ink: &mut copy, upright: line.upright };
+    let offset = contact_offset(line, stroke_px);
+    let deeper = offset + 2.0 * stroke_px + 1.0;
+    let of_side = |side: f64| {
+        let at = |along: usize, offset: f64| {
+            view.at(along as i64, (line.across(along) + side * offset).floor() as i64)
+        };
+        let mut runs: Vec<Contact> = Vec::new();
+        // What meets the very ends is a frame's other side.
+        let end = (offset + line.thickness).ceil() as usize;
+        for along in line.from + end..line.to.saturating_sub(end) {
+            if at(along, offset) {
+                match runs.last_mut() {
+                    Some(run) if run.to + 1 >= along => run.to = along,
+                    _ => runs.push(Contact { from: along, to: along, side }),
+                }
+            }
+        }
+        // Filled areas are their own barrier.
+        runs.retain(|run| {
+            let long = (run.to - run.from) as f64 >= 4.0 * stroke_px + 4.0;
+            let filled = (run.from..=run.to).filter(|along| at(*along, deeper)).count();
+            !long || filled * 2 < run.to - run.from
+        });
+        // Two strokes of one edge are no two feet.
+        let double = (3.0 * stroke_px + 1.0) as usize;
+        runs.dedup_by(|next, run| {
+            let is_double = next.from - run.to <= double;
+            if is_double {
+                run.to = next.to;
+            }
+            is_double
+        });
+        runs
+    };
+    let (above, below) = (of_side(-1.0), of_side(1.0));
+    match (above.is_empty(), below.is_empty()) {
+        (false, true) => above,
+        (true, false) => below,
+        _ => Vec::new(),
+    }
+}
+
+/// A stroke that meets a line from `side`, -1 before it and 1 behind.
+struct Contact {
+    from: usize,
+    to: usize,
+    side: f64,
+}
+
+fn contact_offset(line: &Line, stroke_px: f64) -> f64 {
+    (line.thickness / 2.0).ceil() + (1.5 * stroke_px).max(3.0)
+}
+
+/// Draws stretches of a line again between strokes that meet it.
+fn restore(
+    ink: &mut Bits,
+    before: &Bits,
+    line: &Line,
+    stroke_px: f64,
+    stretches: &[(&Contact, &Contact)],
+) {
+    let mut copy = before.clone();
+    let old = Along { ink: &mut copy, upright: line.upright };
+    let mut view = Along { ink, upright: line.upright };
+    /// Strokes that end so far from the line end on it, px.
+    const SHORT_PX: i64 = 2;
+    let offset = contact_offset(line, stroke_px);
+    for (start, end) in stretches {
+        let side = start.side;
+        let (from, to) = (start.from, end.to);
+        let drawn = |along: &usize| {
+            let near = line.across(*along) + side * (line.thickness / 2.0 + 0.5);
+            (-1..3).any(|d| view.at(*along as i64, (near + side * f64::from(d)).floor() as i64))
+        };
+        let own = (from..=to).filter(drawn).count();
+        if own as f64 > 0.8 * (to - from + 1) as f64 {
+            continue;
+        }
+        // Strokes may lean, and end a little before the line.
+        let ends = |contact: &Contact| {
+            let reach = offset.ceil() as usize;
+            contact.from.saturating_sub(reach)..=contact.to + reach
+        };
+        let short: Vec<(usize, i64)> = ends(start)
+            .chain(ends(end))
+            .filter_map(|along| {
+                let edge = line.across(along) + side * line.thickness / 2.0;
+                let at = |px: &i64| (edge + side * *px as f64).floor() as i64;
+                let px = (0..=SHORT_PX).find(|px| view.at(along as i64, at(px)))?;
+                Some((along, at(&px)))
+            })
+            .collect();
+        let (from, to) = short
+            .iter()
+            .fold((from, to), |(from, to), (along, _)| (from.min(*along), to.max(*along)));
+        for along in from..=to {
+            let (middle, half) = (line.across(along), line.thickness / 2.0);
+            let low = (middle - half).round() as i64;
+            let high = ((middle + half).round() as i64).max(low + 1);
+            (low..high).for_each(|y| view.set(along as i64, y, true));
+        }
+        for (along, last) in short {
+            let edge = line.across(along).floor() as i64;
+            (edge.min(last)..=edge.max(last)).for_each(|y| view.set(along as i64, y, true));
+        }
+        // The figure's strokes go down to the line.
+        for along in (start.from..=start.to).chain(end.from..=end.to) {
+            let middle = line.across(along);
+            let far = middle + side * offset;
+            let (a, b) = (middle.min(far).floor() as i64, middle.max(far).ceil() as i64);
+            for y in (a..=b).filter(|y| old.at(along as i64, *y)) {
+                view.set(along as i64, y, true);
+            }
+        }
+    }
+}

@@ -1,0 +1,131 @@
+//! Figures put together of painted pieces with seams of paper between them:
+//! charts of muscles, cut paper, stained glass.
+
+use crate::raster::{Bits, Component, Components};
+use crate::structure::figure_size;
+
+/// A mosaic has so many pieces.
+const PIECES: usize = 12;
+/// None of them has more of the area,
+const LARGEST: f64 = 0.35;
+/// or of the figure's height: poses in rows are no pieces.
+const TALLEST: f64 = 0.5;
+/// The middle one is so much smaller than the largest: rows of sprites are of one size.
+const MIDDLE: f64 = 0.25;
+/// With its seams shut it has so little more area.
+const SEAMS: f64 = 0.45;
+/// Seams are shut at the width that joins so much of what the widest join.
+const JOINED: f64 = 0.9;
+/// And are at most so wide, share of the figure's size.
+const WIDEST: f64 = 0.02;
+
+/// The mosaics among `painted` areas, each as one piece with its seams shut; nothing else.
+///
+/// * `reach`: pieces further apart are not of one figure, px.
+pub fn figures(painted: &Bits, reach: f64) -> Bits {
+    let mut all = Bits::filled(painted.width, painted.height, false);
+    let parts = painted.components(true);
+    if parts.parts.len() < PIECES {
+        return all;
+    }
+    let near = painted.dilated((reach / 2.0) as f32).components(true);
+    let mut pieces: Vec<Vec<usize>> = vec![Vec::new(); near.parts.len()];
+    let of = owners(&parts, &near);
+    of.iter().enumerate().for_each(|(k, owner)| pieces[*owner].push(k));
+    for own in pieces.iter().filter(|own| own.len() >= PIECES) {
+        if is_mosaic(own, &parts.parts)
+            && let Some(whole) = shut(own, &parts, painted)
+        {
+            all = all.or(&whole);
+        }
+    }
+    all
+}
+
+/// Of each part the component of `near`, which covers `parts`, that it lies in.
+fn owners(parts: &Components, near: &Components) -> Vec<usize> {
+    let mut owners = vec![0; parts.parts.len()];
+    for (label, owner) in parts.labels.iter().zip(&near.labels).filter(|(label, _)| **label != 0) {
+        owners[*label as usize - 1] = *owner as usize - 1;
+    }
+    owners
+}
+
+fn is_mosaic(own: &[usize], parts: &[Component]) -> bool {
+    let mut areas: Vec<usize> = own.iter().map(|&k| parts[k].area).collect();
+    areas.sort_unstable();
+    let (largest, total) = (areas[areas.len() - 1] as f64, areas.iter().sum::<usize>() as f64);
+    let bounds = own.iter().map(|&k| parts[k].bounds).reduce(|a, b| a.joined(&b));
+    let height = f64::from(bounds.unwrap_or_default().height());
+    largest <= LARGEST * total
+        && areas[areas.len() / 2] as f64 <= MIDDLE * largest
+        && own.iter().all(|&k| f64::from(parts[k].bounds.height()) <= TALLEST * height)
+}
+
+/// `own` pieces with the seams between them, as narrow as joins nearly all; `None` if that takes
+/// too much paper.
+fn shut(own: &[usize], parts: &Components, painted: &Bits) -> Option<Bits> {
+    let bounds = own.iter().map(|&k| parts.parts[k].bounds).reduce(|a, b| a.joined(&b))?;
+    let widest = WIDEST * figure_size(&bounds) / 2.0;
+    let is_own: std::collections::BTreeSet<usize> = own.iter().copied().collect();
+    let pieces = parts.select(painted.width, |k| is_own.contains(&k));
+    let area = pieces.count() as f64;
+    let radii = std::iter::successors(Some(1.0), |radius| Some(radius * 1.3));
+    for radius in radii.take_while(|radius| *radius <= widest.max(1.0)) {
+        let wide = pieces.dilated(radius as f32);
+        let joined = wide.components(true);
+        let mut areas = vec![0; joined.parts.len()];
+        for (k, owner) in
+            owners(parts, &joined).into_iter().enumerate().filter(|(k, _)| is_own.contains(k))
+        {
+            areas[owner] += parts.parts[k].area;
+        }
+        let largest = areas.iter().max().copied().unwrap_or(0) as f64;
+        if largest >= JOINED * area {
+            let whole = wide.eroded(radius as f32).or(&pieces);
+            return (whole.count() as f64 <= (1.0 + SEAMS) * area).then_some(whole);
+        }
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Tiles of `sizes` in rows, `gap` px apart.
+    fn tiles(rows: &[&[usize]], high: usize, gap: usize) -> Bits {
+        let mut bits = Bits::filled(500, 500, false);
+        for (row, sizes) in rows.iter().enumerate() {
+            let mut left = 40;
+            for size in *sizes {
+                for y in 0..high {
+                    (0..*size).for_each(|x| {
+                        bits.set((left + x) as i64, (40 + row * (high + gap) + y) as i64, true);
+                    });
+                }
+                left += size + gap;
+            }
+        }
+        bits
+    }
+
+    const UNEVEN: [&[usize]; 4] = [&[8, 90, 10], &[50, 8, 9, 45], &[10, 94, 8], &[8, 9, 50, 40]];
+
+    #[test]
+    fn uneven_pieces_with_narrow_seams_are_one() {
+        let pieces = tiles(&UNEVEN, 90, 4);
+        assert_eq!(pieces.components(true).parts.len(), 14);
+        let whole = figures(&pieces, 8.0);
+        assert_eq!(whole.components(true).parts.len(), 1);
+        assert_eq!(pieces.and_not(&whole).count(), 0);
+    }
+
+    #[test]
+    fn sprites_in_rows_and_pieces_far_apart_are_not() {
+        let even: [&[usize]; 4] = [&[30; 4]; 4];
+        assert_eq!(figures(&tiles(&even, 90, 4), 8.0).count(), 0);
+        assert_eq!(figures(&tiles(&UNEVEN, 90, 14), 8.0).count(), 0);
+        assert_eq!(figures(&tiles(&UNEVEN[..2], 180, 4), 8.0).count(), 0);
+    }
+}
