@@ -11,9 +11,12 @@
 //! beside this one. `latency` has one idle worker, on a farm and on the embedded stores; `isolation`
 //! one with and one without processes for its jobs. `upgrade` begins with nodes of another build.
 //! `chaos` has two API nodes and three workers, and prints a ledger; its exit status is 1 if anything was
-//! lost, ended twice or was left over.
+//! lost, ended twice or was left over. It mounts a small disk to fill it and sets clocks of nodes wrong:
+//! for root, with Debian's `faketime`.
 
 mod chaos;
+mod clock;
+mod disk;
 mod isolation;
 mod latency;
 mod nodes;
