@@ -215,7 +215,7 @@ async fn access(config: &Config, stores: &Stores) -> Result<Access> {
     }
     let policy = match (config.access.insecure_no_auth, config.http.listen.ip().is_loopback()) {
         (true, _) => KeyPolicy::Off,
-        (false, true) => KeyPolicy::OnceThereAreKeys,
+        (false, true) => KeyPolicy::OnceThereWasAKey,
         (false, false) => KeyPolicy::Required,
     };
     ensure!(
@@ -224,6 +224,14 @@ async fn access(config: &Config, stores: &Stores) -> Result<Access> {
         config.http.listen
     );
     let defaults = TenantLimits {
+    if policy == KeyPolicy::OnceThereWasAKey
+        && store.is_closed().await?
+        && !store.has_keys().await?
+    {
+        tracing::warn!(
+            "every request is refused: all keys are revoked; make one with `turnaround keys create`, or let everybody in with `turnaround keys open`"
+        );
+    }
         requests_per_second,
         max_queued,
         max_running: None,

@@ -100,9 +100,8 @@ pub(super) async fn create<R: Resource>(
         return Err(Problem::new(INVALID_BODY, detail));
     }
     let job = find::<R>(api, &asked).await?;
-    // Named in the body, so that it is the body that is wrong.
     let name = &artifacts::entry(&job, &artifact)
-        .map_err(|detail| Problem::new(INVALID_BODY, detail))?
+        .map_err(|detail| Problem::new(UNKNOWN_ARTIFACT, detail))?
         .name;
     let expires = (Timestamp::now() + SignedDuration::from_secs(expires_in.into())).as_second();
     let collection = R::PATH.trim_start_matches("/v1/");

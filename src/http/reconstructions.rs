@@ -46,7 +46,9 @@ problem_responses! { JobProblems: UNKNOWN_RECONSTRUCTION, UNAVAILABLE }
 problem_responses! { StreamProblems: UNKNOWN_RECONSTRUCTION, BUSY, UNAVAILABLE }
 problem_responses! { ListProblems: INVALID_QUERY, UNAVAILABLE }
 problem_responses! { CancelProblems: UNKNOWN_RECONSTRUCTION, ALREADY_FINISHED, UNAVAILABLE }
-problem_responses! { NewLinkProblems: UNKNOWN_RECONSTRUCTION, INVALID_BODY, UNAVAILABLE }
+problem_responses! {
+    NewLinkProblems: UNKNOWN_RECONSTRUCTION, UNKNOWN_ARTIFACT, INVALID_BODY, UNAVAILABLE
+}
 problem_responses! { RedeliverProblems: UNKNOWN_RECONSTRUCTION, UNKNOWN_DELIVERY, UNAVAILABLE }
 problem_responses! { DeleteProblems: UNKNOWN_RECONSTRUCTION, UNAVAILABLE }
 problem_responses! { PatchProblems: UNKNOWN_RECONSTRUCTION, INVALID_BODY, UNAVAILABLE }

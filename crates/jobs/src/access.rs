@@ -267,6 +267,14 @@ pub trait AccessStore: Send + Sync {
     async fn has_keys(&self) -> Result<bool, StoreError>;
 }
 
+    /// Whether a key was ever made, by whatever process, and [`Self::open_to_all`] not
+    /// called since.
+    async fn is_closed(&self) -> Result<bool, StoreError>;
+
+    /// Lets everybody in until the next key is made. `false`, and nothing is changed,
+    /// while there is a key that was not revoked.
+    async fn open_to_all(&self) -> Result<bool, StoreError>;
+
 #[cfg(test)]
 mod tests {
     use super::*;

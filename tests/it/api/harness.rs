@@ -57,7 +57,7 @@ impl Service {
             max_attempts: 3,
             access: Access {
                 store: store.clone(),
-                policy: KeyPolicy::OnceThereAreKeys,
+                policy: KeyPolicy::OnceThereWasAKey,
                 defaults: TenantLimits::default(),
                 open_metrics: false,
                 docs: true,

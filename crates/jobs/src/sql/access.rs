@@ -205,6 +205,28 @@ impl AccessStore for Store {
 
     async fn has_keys(&self) -> Result<bool, StoreError> {
         sqlx::query_scalar("SELECT EXISTS (SELECT 1 FROM keys WHERE revoked_ms IS NULL)")
+
+    async fn is_closed(&self) -> Result<bool, StoreError> {
+        sqlx::query_scalar("SELECT EXISTS (SELECT 1 FROM closed)")
+            .fetch_one(self.readers())
+            .await
+            .map_err(backend)
+    }
+
+    async fn open_to_all(&self) -> Result<bool, StoreError> {
+        let (mut transaction, _) = self.begin().await?;
+        let held: bool =
+            sqlx::query_scalar("SELECT EXISTS (SELECT 1 FROM keys WHERE revoked_ms IS NULL)")
+                .fetch_one(&mut *transaction)
+                .await
+                .map_err(backend)?;
+        if !held {
+            let open = sqlx::query("DELETE FROM closed").execute(&mut *transaction);
+            open.await.map_err(backend)?;
+        }
+        transaction.commit().await.map_err(commit_error)?;
+        Ok(!held)
+    }
             .fetch_one(self.readers())
             .await
             .map_err(backend)

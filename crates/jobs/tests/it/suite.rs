@@ -115,6 +115,7 @@ pub(crate) async fn run<F: AsyncFn() -> Subject>(fresh: F) {
     tenants_are_served_in_turn(&fresh().await).await;
     a_tenant_s_jobs_are_its_own(&fresh().await).await;
     keys_are_known_until_they_are_revoked(&fresh().await).await;
+    without_its_keys_it_stays_closed_until_it_is_opened(&fresh().await).await;
     no_two_claimers_get_the_same_job(&fresh().await).await;
     a_lease_lasts_as_long_as_it_is_renewed(&fresh().await).await;
     a_worker_that_lost_its_lease_changes_nothing(&fresh().await).await;
@@ -387,12 +388,16 @@ async fn keys_are_known_until_they_are_revoked(subject: &Subject) {
     let access = &subject.access;
     assert!(!access.has_keys().await.unwrap());
     let text = KeyText::generate();
+    assert!(!access.is_closed().await.unwrap());
     let new = |name| NewKey { tenant: tenant(name), label: "farm".into(), scope: Scope::Write };
     let refused = access.add_key(&new("nobody"), &text).await;
     assert!(matches!(refused, Err(StoreError::NoTenant(_))));
     let key = access.add_key(&new("default"), &text).await.unwrap();
     assert!(access.has_keys().await.unwrap());
     assert_eq!(access.authenticate(&text).await.unwrap(), Some(key.clone()));
+    assert!(access.is_closed().await.unwrap());
+    assert!(!access.open_to_all().await.unwrap(), "a key is in use");
+    assert!(access.is_closed().await.unwrap());
     // The same id with another secret.
     let forged = format!("{}_{}", text.id(), "0".repeat(64)).parse().unwrap();
     assert_eq!(access.authenticate(&forged).await.unwrap(), None);
@@ -408,6 +413,25 @@ async fn keys_are_known_until_they_are_revoked(subject: &Subject) {
 }
 
 async fn no_two_claimers_get_the_same_job(subject: &Subject) {
+async fn without_its_keys_it_stays_closed_until_it_is_opened(subject: &Subject) {
+    let access = &subject.access;
+    let add = async |name: &str| {
+        let new = NewKey { tenant: tenant(name), label: String::new(), scope: Scope::Admin };
+        access.add_key(&new, &KeyText::generate()).await.unwrap()
+    };
+    let first = add("default").await;
+    access.revoke_key(&first.id).await.unwrap();
+    assert!(access.is_closed().await.unwrap(), "its last key was revoked");
+    assert!(access.open_to_all().await.unwrap());
+    assert!(!access.is_closed().await.unwrap());
+    // A tenant's keys go with it, and leave no row behind.
+    access.create_tenant(&tenant("other")).await.unwrap();
+    add("other").await;
+    access.delete_tenant(&tenant("other")).await.unwrap();
+    assert!(!access.has_keys().await.unwrap());
+    assert!(access.is_closed().await.unwrap(), "its last key went with its tenant");
+}
+
     let mut ids = HashSet::new();
     for _ in 0..24 {
         ids.insert(subject.enqueue(3).await.id);
