@@ -139,7 +139,7 @@ async fn content(
         return Ok(content_response(job, entry, range, Body::empty()));
     }
     let key = Key::Artifact { job: job.id, attempt: job.attempt, name: &entry.name };
-    let found = api.state.bytes.stream(&key, Some(range.clone())).await;
+    let found = api.state.bytes.of(&job.home()).stream(&key, Some(range.clone())).await;
     let found = found.map_err(|error| missing(job.id, &entry.name, &error))?;
     Ok(content_response(job, entry, range, Body::from_stream(found.chunks)))
 }

@@ -11,8 +11,8 @@ use super::streams::Streams;
 use super::upload::{Budget, Decoders};
 use super::{Access, Guard, HttpLimits, LinkKey};
 use crate::outbound::Outbound;
-use jobs::JobStore;
-use jobs::bytes::ByteStore;
+use jobs::bytes::{ByteStore, Home};
+use jobs::{JobStore, TenantName};
 
 /// What the handlers work with.
 #[derive(Clone)]
@@ -21,6 +21,8 @@ pub struct ApiState {
     pub store: Arc<dyn JobStore>,
     /// Where inputs and artifacts are stored.
     pub bytes: ByteStore,
+    /// Whether those of new jobs and pages lie below their tenant's prefix.
+    pub bytes_by_tenant: bool,
     /// Renders `/metrics`.
     pub metrics: PrometheusHandle,
     /// How often each job may be tried.
@@ -37,6 +39,16 @@ pub struct ApiState {
     pub draining: CancellationToken,
     /// Ends event streams and long polls.
     pub shutdown: CancellationToken,
+}
+
+impl ApiState {
+    /// The store of the bytes of a new job or page of `tenant`.
+    pub(super) fn new_bytes(&self, tenant: &TenantName) -> ByteStore {
+        match self.bytes_by_tenant {
+            true => self.bytes.of(&Home::Tenant(tenant.clone())),
+            false => self.bytes.of(&Home::Shared),
+        }
+    }
 }
 
 /// State and limits, as the handlers share them.

@@ -10,6 +10,7 @@ use serde_json::Value;
 use uuid::Uuid;
 
 use super::TenantName;
+use super::bytes::Home;
 
 /// A job's name; version 7, so that names sort by age.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
@@ -128,6 +129,8 @@ pub struct NewJob {
     /// Ends it at once with the result of another; the artifacts' bytes are its
     /// own already, as those of attempt 1.
     pub result: Option<EarlierResult>,
+    /// Whether its bytes lie below its tenant's prefix.
+    pub by_tenant: bool,
 }
 
 /// The result of an earlier job.
@@ -161,6 +164,7 @@ impl NewJob {
             request_id: None,
             result_key: None,
             result: None,
+            by_tenant: false,
         }
     }
 }
@@ -205,6 +209,8 @@ pub struct Job {
     pub summary: Option<Value>,
     /// The job whose result it was answered with.
     pub reused_from: Option<JobId>,
+    /// Whether its bytes lie below its tenant's prefix.
+    pub by_tenant: bool,
     /// When it was enqueued.
     pub created_at: Timestamp,
     /// When the current attempt began.
@@ -217,6 +223,11 @@ pub struct Job {
 }
 
 impl Job {
+    /// Where its bytes lie.
+    pub fn home(&self) -> Home {
+        home(&self.tenant, self.by_tenant)
+    }
+
     /// The job as it was when it was enqueued.
     pub fn as_enqueued(&self) -> Self {
         // One with an earlier result has ended when it is enqueued.
@@ -238,6 +249,10 @@ impl Job {
             ..self.clone()
         }
     }
+}
+
+pub(crate) fn home(tenant: &TenantName, by_tenant: bool) -> Home {
+    if by_tenant { Home::Tenant(tenant.clone()) } else { Home::Shared }
 }
 
 /// The failure code of a job whose last worker was lost.

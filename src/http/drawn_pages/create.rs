@@ -100,28 +100,29 @@ pub(in crate::http) async fn create(
         Ok(cut) => cut,
         Err(page) => return created(&page),
     };
-    let id = JobId::new();
+    let (id, bytes) = (JobId::new(), api.state.new_bytes(&caller.tenant));
     let originals = sources.into_iter().enumerate().map(|(k, bytes)| (original(k), bytes));
     let stored = async {
         let Cut { content, files } = cut;
         let files = originals.chain(versioned(1, files)).collect();
         api.state.store.expect_bytes(id).await?;
-        upload::write_inputs(&api.state.bytes, id, files).await?;
+        upload::write_inputs(&bytes, id, files).await?;
         let page = NewPage {
             id,
             tenant: caller.tenant.clone(),
             content: stored_content(&content)?,
-            bytes: api.state.bytes.stored(id).await?,
+            bytes: bytes.stored(id).await?,
             max_bytes: caller.limits.max_bytes,
             tags,
             idempotency: given,
+            by_tenant: api.state.bytes_by_tenant,
         };
         api.state.store.add_page(page).await.map_err(upload::idempotency_problem)
     };
     let stored: Result<StoredPage, Problem> = stored.await;
     // Refused, or the same as one that was faster.
     if stored.as_ref().map_or(true, |page| page.id != id)
-        && let Err(error) = api.state.bytes.delete_job(id).await
+        && let Err(error) = bytes.delete_job(id).await
     {
         // The collector of ownerless bytes finds them later.
         tracing::warn!(%id, %error, "files of a refused page stay for now");
