@@ -317,8 +317,8 @@ pub(super) async fn metrics(
     method: Method,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let job = resource::find::<Reconstructions>(&api, &id.0).await?;
-    artifacts::serve(&api, &job, "metrics.json", &method, &headers).await
+    let status = resource::status::<Reconstructions>(&api, &id.0).await?;
+    artifacts::serve(&api, &status.published, "metrics.json", &method, &headers).await
 }
 
 /// Make a link to a result of a reconstruction that needs no key.
