@@ -16,7 +16,7 @@ const PATIENCE: Duration = Duration::from_secs(600);
 /// Where jobs and bytes are.
 enum Stores {
     Folder(tempfile::TempDir),
-    Farm(Farm),
+    Farm(Box<Farm>),
 }
 
 impl Stores {
@@ -58,7 +58,7 @@ pub(crate) async fn measure(jobs: u64, rounds: u64) -> Result<()> {
             for cores in [1, 2] {
                 let stores = match is_farm {
                     false => Stores::Folder(tempfile::tempdir()?),
-                    true => Stores::Farm(Farm::start(Durability::Full)),
+                    true => Stores::Farm(Box::new(Farm::start(Durability::Full))),
                 };
                 name = stores.name();
                 times_s.push(batch(&stores, cores, seed..seed + jobs).await?);

@@ -10,15 +10,18 @@ use axum::http::request::Parts;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum_extra::headers::{ETag, HeaderMapExt, IfRange};
+use bytes::Bytes;
+use futures::TryStreamExt;
 
 use super::Api;
 use super::access::Caller;
 use super::conditional::{is_known, is_unwanted};
+use super::files::MAX_FILE_BYTES;
 use super::problem::{PRECONDITION_FAILED, Problem, RANGE_NOT_SATISFIABLE, UNKNOWN_ARTIFACT};
 use super::range::{Selection, select};
 use super::representation::{ArtifactList, ArtifactSummary};
 use super::resource::{Id, OwnedId, Resource, find, noun_of, status, unless_known};
-use jobs::bytes::{ByteError, Home, Key};
+use jobs::bytes::{ByteError, ByteStore, Home, Key};
 use jobs::{ArtifactEntry, Job, JobId};
 
 /// What downloads need of a job.
@@ -178,10 +181,34 @@ async fn content(
         return Ok(content_response(job, entry, range, Body::empty()));
     }
     let key = Key::Artifact { job: job.id, attempt: job.attempt, name: &entry.name };
+    let store = api.state.bytes.of(&job.home);
+    let gone = |error| missing(job.id, &entry.name, &error);
+    if entry.bytes <= MAX_FILE_BYTES {
+        let name = (job.id, job.attempt, entry.name.clone());
+        let bytes = match api.files.get(&name) {
+            Some(bytes) => bytes,
+            None => {
+                let bytes = whole(&store, &key).await.map_err(gone)?;
+                api.files.keep(name, bytes.clone());
+                bytes
+            }
+        };
+        // As long as it is listed to be, unless somebody wrote over it.
+        if let (Ok(start), Ok(end)) = (usize::try_from(range.start), usize::try_from(range.end))
+            && end <= bytes.len()
+        {
+            return Ok(content_response(job, entry, range, Body::from(bytes.slice(start..end))));
+        }
+    }
     let part = (range != (0..entry.bytes)).then(|| range.clone());
-    let found = api.state.bytes.of(&job.home).stream(&key, part).await;
-    let found = found.map_err(|error| missing(job.id, &entry.name, &error))?;
+    let found = store.stream(&key, part).await.map_err(gone)?;
     Ok(content_response(job, entry, range, Body::from_stream(found.chunks)))
+}
+
+/// All of a small artifact: a file is opened and read in one go.
+async fn whole(store: &ByteStore, key: &Key<'_>) -> Result<Bytes, ByteError> {
+    let mut chunks: Vec<Bytes> = store.stream(key, None).await?.chunks.try_collect().await?;
+    if chunks.len() == 1 { Ok(chunks.remove(0)) } else { Ok(chunks.concat().into()) }
 }
 
 fn missing(id: JobId, name: &str, error: &ByteError) -> Problem {

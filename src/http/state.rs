@@ -6,6 +6,7 @@ use metrics_exporter_prometheus::PrometheusHandle;
 use tokio::sync::Semaphore;
 use tokio_util::sync::CancellationToken;
 
+use super::files::Files;
 use super::statuses::Statuses;
 use super::streams::Streams;
 use super::upload::{Budget, Decoders};
@@ -61,6 +62,7 @@ pub(super) struct Api {
     pub checks: Semaphore,
     pub streams: Streams,
     pub statuses: Statuses,
+    pub files: Files,
 }
 
 impl Api {
@@ -70,7 +72,7 @@ impl Api {
         let decoders = Decoders::new(limits.concurrent_decodes);
         let checks = Semaphore::new(2 * limits.concurrent_decodes.max(1));
         let streams = Streams::new(limits.max_streams);
-        let statuses = Statuses::default();
-        Arc::new(Self { state, limits, budget, decoders, checks, streams, statuses })
+        let (statuses, files) = (Statuses::default(), Files::default());
+        Arc::new(Self { state, limits, budget, decoders, checks, streams, statuses, files })
     }
 }
