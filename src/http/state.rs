@@ -12,8 +12,8 @@ use super::streams::Streams;
 use super::upload::{Budget, Decoders};
 use super::{Access, Guard, HttpLimits, LinkKey};
 use crate::outbound::Outbound;
-use jobs::bytes::{ByteStore, Home};
-use jobs::{JobStore, TenantName};
+use jobs::bytes::ByteStore;
+use jobs::{JobId, JobStore, TenantName};
 
 /// What the handlers work with.
 #[derive(Clone)]
@@ -43,12 +43,10 @@ pub struct ApiState {
 }
 
 impl ApiState {
-    /// The store of the bytes of a new job or page of `tenant`.
-    pub(super) fn new_bytes(&self, tenant: &TenantName) -> ByteStore {
-        match self.bytes_by_tenant {
-            true => self.bytes.of(&Home::Tenant(tenant.clone())),
-            false => self.bytes.of(&Home::Shared),
-        }
+    /// A name for a new job or page of `tenant`, and the store of its bytes.
+    pub(super) fn new_name(&self, tenant: &TenantName) -> (JobId, ByteStore) {
+        let id = if self.bytes_by_tenant { JobId::new_by_tenant() } else { JobId::new() };
+        (id, self.bytes.of(&id.home(tenant)))
     }
 }
 

@@ -8,7 +8,7 @@ use jiff::Timestamp;
 use serde_json::Value;
 
 use super::bytes::Home;
-use super::{Idempotency, JobId, StoreError, Tags, TenantName, types};
+use super::{Idempotency, JobId, StoreError, Tags, TenantName};
 
 /// A page as stored.
 #[derive(Clone, Debug, PartialEq)]
@@ -30,14 +30,12 @@ pub struct StoredPage {
     pub created_at: Timestamp,
     /// When it was changed last.
     pub changed_at: Timestamp,
-    /// Whether its bytes lie below its tenant's prefix.
-    pub by_tenant: bool,
 }
 
 impl StoredPage {
     /// Where its bytes lie.
     pub fn home(&self) -> Home {
-        types::home(&self.tenant, self.by_tenant)
+        self.id.home(&self.tenant)
     }
 }
 
@@ -58,8 +56,6 @@ pub struct NewPage {
     pub tags: Tags,
     /// The client's name for the upload.
     pub idempotency: Option<Idempotency>,
-    /// Whether its bytes lie below its tenant's prefix.
-    pub by_tenant: bool,
 }
 
 /// Which pages of a tenant to list, newest first.

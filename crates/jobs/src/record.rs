@@ -84,7 +84,6 @@ impl Record {
             artifacts: Vec::new(),
             summary: None,
             reused_from: job.result.map(|result| result.of),
-            by_tenant: job.by_tenant,
             created_at: now.time,
             started_at: None,
             finished_at: None,

@@ -23,6 +23,25 @@ impl JobId {
         Self(Uuid::now_v7())
     }
 
+    /// As [`Self::new`], of a job or page whose bytes lie below its tenant's prefix: such names
+    /// are UUIDs of version 8 in place of 7, and the same otherwise. So nodes that know nothing
+    /// of it need no other columns.
+    pub fn new_by_tenant() -> Self {
+        Self(
+            uuid::Builder::from_bytes(Uuid::now_v7().into_bytes())
+                .with_version(uuid::Version::Custom)
+                .into_uuid(),
+        )
+    }
+
+    /// Where the bytes of the job or page of this name lie, which is the tenant's.
+    pub fn home(self, tenant: &TenantName) -> Home {
+        match self.0.get_version() {
+            Some(uuid::Version::Custom) => Home::Tenant(tenant.clone()),
+            _ => Home::Shared,
+        }
+    }
+
     /// When the name was made; `None` if it is not of version 7.
     pub fn created_at(self) -> Option<Timestamp> {
         let (seconds, nanoseconds) = self.0.get_timestamp()?.to_unix();
@@ -129,8 +148,6 @@ pub struct NewJob {
     /// Ends it at once with the result of another; the artifacts' bytes are its
     /// own already, as those of attempt 1.
     pub result: Option<EarlierResult>,
-    /// Whether its bytes lie below its tenant's prefix.
-    pub by_tenant: bool,
 }
 
 /// The result of an earlier job.
@@ -164,7 +181,6 @@ impl NewJob {
             request_id: None,
             result_key: None,
             result: None,
-            by_tenant: false,
         }
     }
 }
@@ -209,8 +225,6 @@ pub struct Job {
     pub summary: Option<Value>,
     /// The job whose result it was answered with.
     pub reused_from: Option<JobId>,
-    /// Whether its bytes lie below its tenant's prefix.
-    pub by_tenant: bool,
     /// When it was enqueued.
     pub created_at: Timestamp,
     /// When the current attempt began.
@@ -225,7 +239,7 @@ pub struct Job {
 impl Job {
     /// Where its bytes lie.
     pub fn home(&self) -> Home {
-        home(&self.tenant, self.by_tenant)
+        self.id.home(&self.tenant)
     }
 
     /// The job as it was when it was enqueued.
@@ -249,10 +263,6 @@ impl Job {
             ..self.clone()
         }
     }
-}
-
-pub(crate) fn home(tenant: &TenantName, by_tenant: bool) -> Home {
-    if by_tenant { Home::Tenant(tenant.clone()) } else { Home::Shared }
 }
 
 /// The failure code of a job whose last worker was lost.

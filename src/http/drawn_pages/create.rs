@@ -15,7 +15,7 @@ use crate::http::access::Caller;
 use crate::http::openapi::problem_responses;
 use crate::http::problem::*;
 use crate::http::upload::{self, PageForm, PageTerms};
-use jobs::{Idempotency, JobId, NewPage, StoredPage};
+use jobs::{Idempotency, NewPage, StoredPage};
 
 problem_responses! {
     CreateProblems: UNSUPPORTED_MEDIA_TYPE, MALFORMED_MULTIPART, INVALID_PART_NAME, INVALID_JSON,
@@ -100,7 +100,7 @@ pub(in crate::http) async fn create(
         Ok(cut) => cut,
         Err(page) => return created(&page),
     };
-    let (id, bytes) = (JobId::new(), api.state.new_bytes(&caller.tenant));
+    let (id, bytes) = api.state.new_name(&caller.tenant);
     let originals = sources.into_iter().enumerate().map(|(k, bytes)| (original(k), bytes));
     let stored = async {
         let Cut { content, files } = cut;
@@ -115,7 +115,6 @@ pub(in crate::http) async fn create(
             max_bytes: caller.limits.max_bytes,
             tags,
             idempotency: given,
-            by_tenant: api.state.bytes_by_tenant,
         };
         api.state.store.add_page(page).await.map_err(upload::idempotency_problem)
     };

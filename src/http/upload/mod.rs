@@ -218,7 +218,7 @@ async fn enqueue(api: &Api, upload: Upload, terms: &Terms) -> Result<Job, Proble
     {
         return Ok(job);
     }
-    let (id, store) = (JobId::new(), api.state.new_bytes(&caller.tenant));
+    let (id, store) = api.state.new_name(&caller.tenant);
     let stored = async {
         let result_key = reuse::key(api, &upload).await?;
         let Upload { kind, payload, inputs, reuse, fetched: _hold } = upload;
@@ -242,7 +242,6 @@ async fn enqueue(api: &Api, upload: Upload, terms: &Terms) -> Result<Job, Proble
             request_id: request_id.clone(),
             result_key: Some(result_key),
             result,
-            by_tenant: api.state.bytes_by_tenant,
             ..NewJob::new(id, kind, payload, max_attempts)
         };
         api.state.store.enqueue(job).await.map_err(idempotency_problem)

@@ -110,8 +110,8 @@ impl AccessStore for Store {
         }
         let mut deleted = Vec::new();
         for sql in [
-            "DELETE FROM jobs WHERE tenant = $1 RETURNING id, tenant, by_tenant",
-            "DELETE FROM pages WHERE tenant = $1 RETURNING id, tenant, by_tenant",
+            "DELETE FROM jobs WHERE tenant = $1 RETURNING id, tenant",
+            "DELETE FROM pages WHERE tenant = $1 RETURNING id, tenant",
         ] {
             let gone = sqlx::query(sql).bind(name.as_str()).fetch_all(&mut *transaction);
             deleted.extend(storage::all_bytes_of(&gone.await.map_err(backend)?)?);

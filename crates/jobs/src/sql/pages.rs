@@ -31,7 +31,6 @@ impl<'r> FromRow<'r, Row> for StoredPage {
             tags_version: row.try_get::<i64, _>("tags_version")?.cast_unsigned(),
             created_at: time(row, "created_ms")?,
             changed_at: time(row, "changed_ms")?,
-            by_tenant: flag(row, "by_tenant")?,
         })
     }
 }
@@ -61,8 +60,7 @@ async fn select(
 #[async_trait]
 impl PageStore for Store {
     async fn add_page(&self, page: NewPage) -> Result<StoredPage, StoreError> {
-        let NewPage { id, tenant, content, bytes, max_bytes, tags, .. } = page;
-        let (given, by_tenant) = (page.idempotency, page.by_tenant);
+        let NewPage { id, tenant, content, bytes, max_bytes, tags, idempotency: given } = page;
         let (mut transaction, now) = self.begin().await?;
         if let Some(given) = &given {
             if let Some(id) = idempotency::find(&mut transaction, &tenant, given, now.time).await? {
@@ -73,8 +71,8 @@ impl PageStore for Store {
         storage::expect_room(&mut transaction, &tenant, bytes, max_bytes).await?;
         sqlx::query(
             "INSERT INTO pages (id, tenant, content, version, created_ms, changed_ms, bytes,
-                 expires_ms, name, labels, pinned, by_tenant)
-             VALUES ($1, $4, $2, 1, $3, $3, $5, $6, $7, $8, $9, $10)",
+                 expires_ms, name, labels, pinned)
+             VALUES ($1, $4, $2, 1, $3, $3, $5, $6, $7, $8, $9)",
         )
         .bind(id.to_string())
         .bind(content.to_string())
@@ -85,7 +83,6 @@ impl PageStore for Store {
         .bind(&tags.name)
         .bind(serde_json::to_string(&tags.labels).map_err(backend)?)
         .bind(i64::from(tags.pinned))
-        .bind(i64::from(by_tenant))
         .execute(&mut *transaction)
         .await
         .map_err(backend)?;

@@ -13,7 +13,6 @@ use super::access::tenant_name;
 use super::{Connection, LOCK, Row, backend};
 use crate::bytes::BytesOf;
 use crate::record::{Change, Record};
-use crate::types::home;
 use crate::{Event, Job, JobId, JobState, StoreError, Tags, Uptime};
 
 /// A stored value that this version can't read.
@@ -52,7 +51,6 @@ impl<'r> FromRow<'r, Row> for Record {
             artifacts: json(row, "artifacts")?,
             summary: optional_json(row, "summary")?,
             reused_from: reused_from(row)?,
-            by_tenant: flag(row, "by_tenant")?,
             created_at: time(row, "created_ms")?,
             started_at: optional_time(row, "started_ms")?,
             finished_at: optional_time(row, "finished_ms")?,
@@ -114,8 +112,8 @@ pub(super) async fn state(connection: &mut Connection, id: JobId) -> Result<JobS
 
 /// Where the bytes of a listed row of jobs or pages lie.
 pub(super) fn bytes_of(row: &Row) -> sqlx::Result<BytesOf> {
-    let home = home(&tenant_name(row, "tenant")?, flag(row, "by_tenant")?);
-    Ok(BytesOf { id: JobId(text(row, "id")?.parse().map_err(decode)?), home })
+    let id = JobId(text(row, "id")?.parse().map_err(decode)?);
+    Ok(BytesOf { id, home: id.home(&tenant_name(row, "tenant")?) })
 }
 
 /// The id of a listed row.
@@ -156,9 +154,9 @@ pub(super) async fn insert(
         "INSERT INTO jobs (id, kind, payload, state, attempt, attempts_used, max_attempts,
              cancel_requested, boot, not_before_ms, artifacts, created_ms, version, tenant,
              priority, name, labels, expires_ms, pinned, webhook,
-             bytes, result_key, reused_from, request_id, by_tenant)
+             bytes, result_key, reused_from, request_id)
          VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, '[]', $11, $12, $13, $14,
-             $15, $16, $17, $18, $19, $20, $21, $22, $23, $24)",
+             $15, $16, $17, $18, $19, $20, $21, $22, $23)",
     )
     .bind(job.id.to_string())
     .bind(&job.kind)
@@ -183,7 +181,6 @@ pub(super) async fn insert(
     .bind(result_key)
     .bind(job.reused_from.map(|id| id.to_string()))
     .bind(&job.request_id)
-    .bind(i64::from(job.by_tenant))
     .execute(connection)
     .await
     .map_err(backend)?;

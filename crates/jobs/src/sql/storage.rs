@@ -45,7 +45,7 @@ pub(super) async fn expect_room(
     Err(StoreError::TooManyBytes { tenant: tenant.clone(), most })
 }
 
-/// Of rows with id, tenant and by_tenant.
+/// Of rows with id and tenant.
 pub(super) fn all_bytes_of(found: &[Row]) -> Result<Vec<BytesOf>, StoreError> {
     found.iter().map(|row| rows::bytes_of(row).map_err(backend)).collect()
 }
@@ -84,7 +84,7 @@ impl Store {
         let (mut transaction, now) = self.begin().await?;
         let mut gone = Vec::new();
         for table in [JOBS, PAGES] {
-            let delete = format!("DELETE FROM {table} RETURNING id, tenant, by_tenant");
+            let delete = format!("DELETE FROM {table} RETURNING id, tenant");
             let delete = sqlx::query(sqlx::AssertSqlSafe(delete)).bind(now_ms);
             let deleted = delete.fetch_all(&mut *transaction).await.map_err(backend)?;
             gone.extend(all_bytes_of(&deleted)?);
@@ -100,10 +100,10 @@ impl Store {
             Vec::new()
         } else {
             sqlx::query(
-                "SELECT id, tenant, by_tenant, bytes FROM (
-                     SELECT id, tenant, by_tenant, bytes, finished_ms AS at_ms FROM jobs
+                "SELECT id, tenant, bytes FROM (
+                     SELECT id, tenant, bytes, finished_ms AS at_ms FROM jobs
                      WHERE pinned = 0 AND state IN ('succeeded', 'failed', 'cancelled')
-                     UNION ALL SELECT id, tenant, by_tenant, bytes, changed_ms FROM pages
+                     UNION ALL SELECT id, tenant, bytes, changed_ms FROM pages
                      WHERE pinned = 0) AS kept
                  ORDER BY at_ms, id",
             )
@@ -141,9 +141,9 @@ impl StorageStore for Store {
 
     async fn unmeasured(&self) -> Result<Vec<BytesOf>, StoreError> {
         let found = sqlx::query(
-            "SELECT id, tenant, by_tenant FROM jobs
+            "SELECT id, tenant FROM jobs
              WHERE bytes IS NULL AND state NOT IN ('queued', 'running')
-             UNION ALL SELECT id, tenant, by_tenant FROM pages WHERE bytes IS NULL LIMIT $1",
+             UNION ALL SELECT id, tenant FROM pages WHERE bytes IS NULL LIMIT $1",
         )
         .bind(i64::from(MEASURED_AT_A_TIME))
         .fetch_all(self.readers())

@@ -36,8 +36,9 @@ pub(crate) async fn homes_are_told_with_what_is_forgotten(subject: &Subject) {
     let own = Home::Tenant(name.clone());
     let of = |id, home: &Home| BytesOf { id, home: home.clone() };
     let job = |tenant: &TenantName, by_tenant| {
-        let tenant = tenant.clone();
-        NewJob { tenant, by_tenant, ..NewJob::new(JobId::new(), "test", json!({}), 1) }
+        let (id, tenant) =
+            (if by_tenant { JobId::new_by_tenant() } else { JobId::new() }, tenant.clone());
+        NewJob { tenant, ..NewJob::new(id, "test", json!({}), 1) }
     };
     let ended = async |tenant: &TenantName, by_tenant| {
         let job = store.enqueue(job(tenant, by_tenant)).await.unwrap();
@@ -49,7 +50,7 @@ pub(crate) async fn homes_are_told_with_what_is_forgotten(subject: &Subject) {
     let shared = ended(&name, false).await;
     let first = ended(&name, true).await;
     assert_eq!((shared.home(), first.home()), (Home::Shared, own.clone()));
-    let page = NewPage { tenant: name.clone(), by_tenant: true, ..new_page(JobId::new(), 7) };
+    let page = NewPage { tenant: name.clone(), ..new_page(JobId::new_by_tenant(), 7) };
     let page = store.add_page(page).await.unwrap();
     assert_eq!(store.page(page.id).await.unwrap().home(), own);
     let forgotten = store.make_room(0).await.unwrap();

@@ -883,7 +883,7 @@ async fn changes_are_announced(subject: &Subject) {
 pub(crate) fn new_page(id: JobId, bytes: u64) -> NewPage {
     let (tenant, content) = (TenantName::default(), json!({ "figures": [] }));
     let (tags, idempotency) = (Tags::default(), None);
-    NewPage { id, tenant, content, bytes, max_bytes: None, tags, idempotency, by_tenant: false }
+    NewPage { id, tenant, content, bytes, max_bytes: None, tags, idempotency }
 }
 
 async fn pages_change_one_version_at_a_time(subject: &Subject) {
