@@ -3,20 +3,26 @@
 //! ```text
 //! cargo build --release && cargo run --release --example farm -- latency [JOBS]
 //! cargo build --release && cargo run --release --example farm -- isolation [JOBS]
+//! cargo build --release && cargo run --release --example farm -- scaling [JOBS [ROUNDS]]
 //! cargo build --release && cargo run --release --example farm -- upgrade OLD_PROGRAM
 //! cargo build --release && cargo run --release --example farm -- chaos [SECONDS [JOBS [SEED]]]
 //! ```
 //!
 //! PostgreSQL and an S3 server run in temporary folders, the nodes are processes of the program
 //! beside this one. `latency` has one idle worker, on a farm and on the embedded stores; `isolation`
-//! one with and one without processes for its jobs. `upgrade` begins with nodes of another build.
+//! one with and one without processes for its jobs. `scaling` does a batch with one worker on one
+//! core and with two on two, in turn. `upgrade` begins with nodes of another build.
 //! `chaos` has two API nodes and three workers, and prints a ledger; its exit status is 1 if anything was
-//! lost, ended twice or was left over.
+//! lost, ended twice or was left over. It mounts a small disk to fill it and sets clocks of nodes wrong:
+//! for root, with Debian's `faketime`.
 
 mod chaos;
+mod clock;
+mod disk;
 mod isolation;
 mod latency;
 mod nodes;
+mod scaling;
 mod upgrade;
 mod upload;
 
@@ -42,7 +48,8 @@ async fn main() -> Result<()> {
     match what.as_deref() {
         Some("latency") => latency::measure(number(0, 50)).await,
         Some("isolation") => isolation::measure(number(0, 50)).await,
+        Some("scaling") => scaling::measure(number(0, 20), number(1, 3)).await,
         Some("chaos") => chaos::run(number(0, 240), number(1, 200), number(2, 1)).await,
-        _ => Err("latency, isolation, upgrade or chaos?".into()),
+        _ => Err("latency, isolation, scaling, upgrade or chaos?".into()),
     }
 }

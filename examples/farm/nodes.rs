@@ -1,9 +1,11 @@
 //! The processes of a farm.
 
+use std::fs;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
+use rustix::process::{Pid, Signal, kill_process};
 use testbed::Farm;
 
 use crate::Result;
@@ -15,9 +17,13 @@ pub(crate) fn api(farm: &Farm) -> Result<Node> {
 
 /// As [`api`], of another program.
 pub(crate) fn api_of(program: &Path, farm: &Farm) -> Result<Node> {
+    Node::start(api_command(program, farm))
+}
+
+pub(crate) fn api_command(program: &Path, farm: &Farm) -> Command {
     let mut command = farm.command(program, "serve");
     command.args(["--listen", "127.0.0.1:0", "--workers", "0", "--max-attempts", "50"]);
-    Node::start(command)
+    command
 }
 
 /// A node that runs a job at a time.
@@ -27,9 +33,13 @@ pub(crate) fn worker(farm: &Farm) -> Result<Node> {
 
 /// As [`worker`], of another program.
 pub(crate) fn worker_of(program: &Path, farm: &Farm) -> Result<Node> {
+    Node::start(worker_command(program, farm))
+}
+
+pub(crate) fn worker_command(program: &Path, farm: &Farm) -> Command {
     let mut command = farm.command(program, "worker");
     command.args(["--threads-per-job", "1", "--lease", "6", "--heartbeat", "2"]);
-    Node::start(command)
+    command
 }
 
 /// The program that was built with this one.
@@ -63,8 +73,18 @@ impl Node {
 impl Node {
     /// Tells it to stop (SIGTERM), and does not wait.
     pub(crate) fn stop(&self) -> Result<()> {
-        let pid = rustix::process::Pid::from_child(&self.process);
-        Ok(rustix::process::kill_process(pid, rustix::process::Signal::TERM)?)
+        Ok(kill_process(Pid::from_child(&self.process), Signal::TERM)?)
+    }
+
+    /// The processes that it started and that still run.
+    pub(crate) fn children(&self) -> Vec<Pid> {
+        let threads = fs::read_dir(format!("/proc/{}/task", self.process.id()));
+        let threads = threads.into_iter().flatten().filter_map(std::result::Result::ok);
+        let told =
+            threads.filter_map(|thread| fs::read_to_string(thread.path().join("children")).ok());
+        let told: Vec<String> = told.collect();
+        let numbers = told.iter().flat_map(|text| text.split_whitespace());
+        numbers.filter_map(|number| Pid::from_raw(number.parse().ok()?)).collect()
     }
 
     /// Whether it has ended.

@@ -14,9 +14,18 @@ pub(crate) fn sheet(seed: u64) -> Result<Form> {
     Ok(plain_sheet(seed)?.text("reuse", "false"))
 }
 
+/// As [`sheet`], about a second's work for one core.
+pub(crate) fn larger_sheet(seed: u64) -> Result<Form> {
+    Ok(views(seed)?.text("turntable.solid.resolution", "96").text("reuse", "false"))
+}
+
 /// As [`sheet`], with nothing that an older version does not know.
 pub(crate) fn plain_sheet(seed: u64) -> Result<Form> {
-    let mut form = Form::new().text("turntable.solid.resolution", "32");
+    Ok(views(seed)?.text("turntable.solid.resolution", "32"))
+}
+
+fn views(seed: u64) -> Result<Form> {
+    let mut form = Form::new();
     for azimuth_deg in [0, 45, 90] {
         let png = drawing(seed, azimuth_deg)?;
         let part = Part::bytes(png).file_name("view.png").mime_str("image/png")?;

@@ -1,7 +1,7 @@
 //! `turnaround keys` and `turnaround tenants`: who may use a service, by its
 //! data folder or database, whether it runs or not.
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use clap::{Subcommand, ValueEnum};
 use tokio::runtime::Runtime;
 
@@ -38,6 +38,12 @@ pub(super) enum KeyCommand {
         data: StoresConfig,
         /// The first part of it, such as ta_0123456789ab
         id: String,
+    },
+    /// Let everybody in who reaches the service by the loopback, until the next key is made;
+    /// only when all keys are revoked
+    Open {
+        #[command(flatten)]
+        data: StoresConfig,
     },
     /// Print a new key that no service knows, for --first-key-file
     Generate,
@@ -97,6 +103,12 @@ pub(super) fn keys(command: &KeyCommand) -> Result<(), Failure> {
             }
             KeyCommand::Revoke { data, id } => {
                 open_access(data).await?.revoke_key(id).await?;
+            }
+            KeyCommand::Open { data } => {
+                ensure!(
+                    open_access(data).await?.open_to_all().await?,
+                    "there are keys; revoke them first"
+                );
             }
             KeyCommand::Generate => println!("{}", KeyText::generate().reveal()),
         }

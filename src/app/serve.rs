@@ -59,6 +59,7 @@ async fn serve_until_signal(config: &Config, runtime: Handle) -> Result<()> {
     let state = ApiState {
         store: stores.jobs.clone(),
         bytes: stores.bytes.clone(),
+        bytes_by_tenant: config.storage.bytes_by_tenant,
         metrics: http::prometheus().context("recording metrics")?,
         max_attempts: config.workers.max_attempts,
         access: access(config, &stores).await?,
@@ -215,7 +216,7 @@ async fn access(config: &Config, stores: &Stores) -> Result<Access> {
     }
     let policy = match (config.access.insecure_no_auth, config.http.listen.ip().is_loopback()) {
         (true, _) => KeyPolicy::Off,
-        (false, true) => KeyPolicy::OnceThereAreKeys,
+        (false, true) => KeyPolicy::OnceThereWasAKey,
         (false, false) => KeyPolicy::Required,
     };
     ensure!(
@@ -223,6 +224,14 @@ async fn access(config: &Config, stores: &Stores) -> Result<Access> {
         "others can reach {}, and there is no key; make one with `turnaround keys create`, give one with --first-key-file, or let everybody in with --insecure-no-auth",
         config.http.listen
     );
+    if policy == KeyPolicy::OnceThereWasAKey
+        && store.is_closed().await?
+        && !store.has_keys().await?
+    {
+        tracing::warn!(
+            "every request is refused: all keys are revoked; make one with `turnaround keys create`, or let everybody in with `turnaround keys open`"
+        );
+    }
     let defaults = TenantLimits {
         requests_per_second,
         max_queued,

@@ -29,7 +29,7 @@ impl Stores {
         };
         let is_new = is_new(config).await?;
         ensure!(
-            !is_new || adopt_bytes || bytes.jobs().await?.is_empty(),
+            !is_new || adopt_bytes || bytes.all().await?.is_empty(),
             "{} has bytes of jobs, but no database; put its latest copy back, or start with --adopt-bytes to begin a new one beside them",
             config.store.clone().unwrap_or_else(|| config.data_dir.display().to_string())
         );

@@ -10,16 +10,57 @@ use axum::http::request::Parts;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum_extra::headers::{ETag, HeaderMapExt, IfRange};
+use bytes::Bytes;
+use futures::TryStreamExt;
 
 use super::Api;
 use super::access::Caller;
 use super::conditional::{is_known, is_unwanted};
+use super::files::MAX_FILE_BYTES;
 use super::problem::{PRECONDITION_FAILED, Problem, RANGE_NOT_SATISFIABLE, UNKNOWN_ARTIFACT};
 use super::range::{Selection, select};
 use super::representation::{ArtifactList, ArtifactSummary};
-use super::resource::{Id, OwnedId, Resource, find, noun_of, unless_known};
-use jobs::bytes::{ByteError, Key};
+use super::resource::{Id, OwnedId, Resource, find, noun_of, status, unless_known};
+use jobs::bytes::{ByteError, ByteStore, Home, Key};
 use jobs::{ArtifactEntry, Job, JobId};
+
+/// What downloads need of a job.
+#[derive(Clone)]
+pub(super) struct Published {
+    pub id: JobId,
+    /// What jobs of its kind are called.
+    pub noun: &'static str,
+    pub is_final: bool,
+    pub attempt: u32,
+    /// Where its bytes lie.
+    pub home: Home,
+    /// What people call it.
+    pub name: Option<String>,
+    pub artifacts: Vec<ArtifactEntry>,
+}
+
+impl Published {
+    pub(super) fn of(job: &Job) -> Self {
+        Self {
+            id: job.id,
+            noun: noun_of(&job.kind).unwrap_or("job"),
+            is_final: job.state.is_final(),
+            attempt: job.attempt,
+            home: job.home(),
+            name: job.tags.name.clone(),
+            artifacts: job.artifacts.clone(),
+        }
+    }
+
+    /// About what it takes in memory, bytes.
+    pub(super) fn size(&self) -> usize {
+        let of = |entry: &ArtifactEntry| {
+            size_of_val(entry) + entry.name.len() + entry.media_type.len() + entry.sha256.len()
+        };
+        let name = self.name.as_ref().map_or(0, String::len);
+        size_of_val(self) + name + self.artifacts.iter().map(of).sum::<usize>()
+    }
+}
 
 /// Id and artifact name in a path.
 pub(super) struct IdAndName {
@@ -60,13 +101,14 @@ pub(super) async fn named<R: Resource>(
     let Path((id, name)) =
         path.map_err(|error| Problem::new(UNKNOWN_ARTIFACT, error.body_text()))?;
     let asked = OwnedId { id: Id::<R>::parse(&id)?, caller };
-    serve(api, &find::<R>(api, &asked).await?, &name, method, headers).await
+    let status = status::<R>(api, &asked).await?;
+    serve(api, &status.published, &name, method, headers).await
 }
 
 /// Answers an artifact's bytes, or the range of them that the client asks for.
 pub(super) async fn serve(
     api: &Api,
-    job: &Job,
+    job: &Published,
     name: &str,
     method: &Method,
     headers: &HeaderMap,
@@ -94,10 +136,10 @@ pub(super) async fn serve(
 }
 
 /// The job's artifact of this name, or why there is none.
-pub(super) fn entry<'j>(job: &'j Job, name: &str) -> Result<&'j ArtifactEntry, String> {
+pub(super) fn entry<'j>(job: &'j Published, name: &str) -> Result<&'j ArtifactEntry, String> {
     job.artifacts.iter().find(|entry| entry.name == name).ok_or_else(|| {
-        let (noun, id) = (noun_of(&job.kind).unwrap_or("job"), job.id);
-        if job.state.is_final() {
+        let (noun, id) = (job.noun, job.id);
+        if job.is_final {
             format!("{noun} {id} has no artifact `{name}`; see its list")
         } else {
             format!("{noun} {id} is not finished, so it has no `{name}` yet")
@@ -131,7 +173,7 @@ fn requested(
 
 async fn content(
     api: &Api,
-    job: &Job,
+    job: &Published,
     entry: &ArtifactEntry,
     range: Range<u64>,
 ) -> Result<Response, Problem> {
@@ -139,9 +181,34 @@ async fn content(
         return Ok(content_response(job, entry, range, Body::empty()));
     }
     let key = Key::Artifact { job: job.id, attempt: job.attempt, name: &entry.name };
-    let found = api.state.bytes.stream(&key, Some(range.clone())).await;
-    let found = found.map_err(|error| missing(job.id, &entry.name, &error))?;
+    let store = api.state.bytes.of(&job.home);
+    let gone = |error| missing(job.id, &entry.name, &error);
+    if entry.bytes <= MAX_FILE_BYTES {
+        let name = (job.id, job.attempt, entry.name.clone());
+        let bytes = match api.files.get(&name) {
+            Some(bytes) => bytes,
+            None => {
+                let bytes = whole(&store, &key).await.map_err(gone)?;
+                api.files.keep(name, bytes.clone());
+                bytes
+            }
+        };
+        // As long as it is listed to be, unless somebody wrote over it.
+        if let (Ok(start), Ok(end)) = (usize::try_from(range.start), usize::try_from(range.end))
+            && end <= bytes.len()
+        {
+            return Ok(content_response(job, entry, range, Body::from(bytes.slice(start..end))));
+        }
+    }
+    let part = (range != (0..entry.bytes)).then(|| range.clone());
+    let found = store.stream(&key, part).await.map_err(gone)?;
     Ok(content_response(job, entry, range, Body::from_stream(found.chunks)))
+}
+
+/// All of a small artifact: a file is opened and read in one go.
+async fn whole(store: &ByteStore, key: &Key<'_>) -> Result<Bytes, ByteError> {
+    let mut chunks: Vec<Bytes> = store.stream(key, None).await?.chunks.try_collect().await?;
+    if chunks.len() == 1 { Ok(chunks.remove(0)) } else { Ok(chunks.concat().into()) }
 }
 
 fn missing(id: JobId, name: &str, error: &ByteError) -> Problem {
@@ -155,7 +222,12 @@ fn missing(id: JobId, name: &str, error: &ByteError) -> Problem {
     }
 }
 
-fn content_response(job: &Job, entry: &ArtifactEntry, range: Range<u64>, body: Body) -> Response {
+fn content_response(
+    job: &Published,
+    entry: &ArtifactEntry,
+    range: Range<u64>,
+    body: Body,
+) -> Response {
     let is_part = range != (0..entry.bytes);
     let mut response = Response::new(body);
     let headers = response.headers_mut();
@@ -179,13 +251,13 @@ fn content_response(job: &Job, entry: &ArtifactEntry, range: Range<u64>, body: B
 /// Pictures and JSON are shown, the rest is saved. The name on disk says whose it
 /// is: the job's name, or what it is and the end of its id; then the artifact's
 /// with its folders joined by dashes.
-fn disposition(job: &Job, entry: &ArtifactEntry) -> String {
+fn disposition(job: &Published, entry: &ArtifactEntry) -> String {
     let is_shown =
         entry.media_type.starts_with("image/png") || entry.media_type == "application/json";
     let kind = if is_shown { "inline" } else { "attachment" };
     let id = job.id.to_string();
-    let own = || format!("{}-{}", noun_of(&job.kind).unwrap_or("job"), &id[id.len() - 8..]);
-    let whose = job.tags.name.clone().filter(|name| !name.trim().is_empty()).unwrap_or_else(own);
+    let own = || format!("{}-{}", job.noun, &id[id.len() - 8..]);
+    let whose = job.name.clone().filter(|name| !name.trim().is_empty()).unwrap_or_else(own);
     let name = format!("{}-{}", whose.trim(), entry.name);
     // What file systems and the header take.
     let plain = |c: char| if c.is_alphanumeric() || ".-_".contains(c) { c } else { '-' };

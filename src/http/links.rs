@@ -17,7 +17,7 @@ use sha2::Sha256;
 use utoipa::ToSchema;
 
 use super::Api;
-use super::artifacts;
+use super::artifacts::{self, Published};
 use super::openapi::problem_responses;
 use super::problem::{
     INVALID_BODY, INVALID_LINK, PRECONDITION_FAILED, Problem, RANGE_NOT_SATISFIABLE, UNAVAILABLE,
@@ -100,9 +100,9 @@ pub(super) async fn create<R: Resource>(
         return Err(Problem::new(INVALID_BODY, detail));
     }
     let job = find::<R>(api, &asked).await?;
-    // Named in the body, so that it is the body that is wrong.
-    let name = &artifacts::entry(&job, &artifact)
-        .map_err(|detail| Problem::new(INVALID_BODY, detail))?
+    let published = Published::of(&job);
+    let name = &artifacts::entry(&published, &artifact)
+        .map_err(|detail| Problem::new(UNKNOWN_ARTIFACT, detail))?
         .name;
     let expires = (Timestamp::now() + SignedDuration::from_secs(expires_in.into())).as_second();
     let collection = R::PATH.trim_start_matches("/v1/");
@@ -160,7 +160,7 @@ pub(super) async fn follow(
         return Err(wrong());
     }
     let job = linked(&api, &collection, id).await?;
-    artifacts::serve(&api, &job, &name, &method, &headers).await
+    artifacts::serve(&api, &Published::of(&job), &name, &method, &headers).await
 }
 
 /// The job of a link, whosever it is: who made the link could read it.

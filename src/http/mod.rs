@@ -11,6 +11,7 @@ mod body;
 mod conditional;
 mod drawn_pages;
 mod events;
+mod files;
 mod guard;
 mod health;
 mod layers;

@@ -46,7 +46,9 @@ problem_responses! { JobProblems: UNKNOWN_RECONSTRUCTION, UNAVAILABLE }
 problem_responses! { StreamProblems: UNKNOWN_RECONSTRUCTION, BUSY, UNAVAILABLE }
 problem_responses! { ListProblems: INVALID_QUERY, UNAVAILABLE }
 problem_responses! { CancelProblems: UNKNOWN_RECONSTRUCTION, ALREADY_FINISHED, UNAVAILABLE }
-problem_responses! { NewLinkProblems: UNKNOWN_RECONSTRUCTION, INVALID_BODY, UNAVAILABLE }
+problem_responses! {
+    NewLinkProblems: UNKNOWN_RECONSTRUCTION, UNKNOWN_ARTIFACT, INVALID_BODY, UNAVAILABLE
+}
 problem_responses! { RedeliverProblems: UNKNOWN_RECONSTRUCTION, UNKNOWN_DELIVERY, UNAVAILABLE }
 problem_responses! { DeleteProblems: UNKNOWN_RECONSTRUCTION, UNAVAILABLE }
 problem_responses! { PatchProblems: UNKNOWN_RECONSTRUCTION, INVALID_BODY, UNAVAILABLE }
@@ -315,8 +317,8 @@ pub(super) async fn metrics(
     method: Method,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let job = resource::find::<Reconstructions>(&api, &id.0).await?;
-    artifacts::serve(&api, &job, "metrics.json", &method, &headers).await
+    let status = resource::status::<Reconstructions>(&api, &id.0).await?;
+    artifacts::serve(&api, &status.published, "metrics.json", &method, &headers).await
 }
 
 /// Make a link to a result of a reconstruction that needs no key.

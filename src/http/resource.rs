@@ -348,7 +348,8 @@ pub(super) async fn patch<R: Resource>(
 /// Deletes a job with its bytes; one that runs is cancelled, and goes when its
 /// attempt has ended.
 pub(super) async fn delete<R: Resource>(api: &Api, asked: OwnedId) -> Result<StatusCode, Problem> {
-    let id = find::<R>(api, &asked).await?.id;
+    let job = find::<R>(api, &asked).await?;
+    let id = job.id;
     match api.state.store.delete(id).await {
         Err(StoreError::Running { .. }) => {
             if api.state.store.delete_when_ended(id).await.map_err(store_problem::<R>)? {
@@ -359,7 +360,7 @@ pub(super) async fn delete<R: Resource>(api: &Api, asked: OwnedId) -> Result<Sta
         }
         deleted => deleted.map_err(store_problem::<R>)?,
     }
-    if let Err(error) = api.state.bytes.delete_job(id).await {
+    if let Err(error) = api.state.bytes.of(&job.home()).delete_job(id).await {
         // The row is gone; the collector of ownerless bytes takes the rest.
         tracing::warn!(%id, %error, "bytes of a deleted job stay for now");
     }

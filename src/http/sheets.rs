@@ -46,7 +46,9 @@ problem_responses! { JobProblems: UNKNOWN_SHEET, UNAVAILABLE }
 problem_responses! { StreamProblems: UNKNOWN_SHEET, BUSY, UNAVAILABLE }
 problem_responses! { ListProblems: INVALID_QUERY, UNAVAILABLE }
 problem_responses! { CancelProblems: UNKNOWN_SHEET, ALREADY_FINISHED, UNAVAILABLE }
-problem_responses! { NewLinkProblems: UNKNOWN_SHEET, INVALID_BODY, UNAVAILABLE }
+problem_responses! {
+    NewLinkProblems: UNKNOWN_SHEET, UNKNOWN_ARTIFACT, INVALID_BODY, UNAVAILABLE
+}
 problem_responses! { RedeliverProblems: UNKNOWN_SHEET, UNKNOWN_DELIVERY, UNAVAILABLE }
 problem_responses! { DeleteProblems: UNKNOWN_SHEET, UNAVAILABLE }
 problem_responses! { PatchProblems: UNKNOWN_SHEET, INVALID_BODY, UNAVAILABLE }

@@ -6,13 +6,14 @@ use metrics_exporter_prometheus::PrometheusHandle;
 use tokio::sync::Semaphore;
 use tokio_util::sync::CancellationToken;
 
+use super::files::Files;
 use super::statuses::Statuses;
 use super::streams::Streams;
 use super::upload::{Budget, Decoders};
 use super::{Access, Guard, HttpLimits, LinkKey};
 use crate::outbound::Outbound;
-use jobs::JobStore;
 use jobs::bytes::ByteStore;
+use jobs::{JobId, JobStore, TenantName};
 
 /// What the handlers work with.
 #[derive(Clone)]
@@ -21,6 +22,8 @@ pub struct ApiState {
     pub store: Arc<dyn JobStore>,
     /// Where inputs and artifacts are stored.
     pub bytes: ByteStore,
+    /// Whether those of new jobs and pages lie below their tenant's prefix.
+    pub bytes_by_tenant: bool,
     /// Renders `/metrics`.
     pub metrics: PrometheusHandle,
     /// How often each job may be tried.
@@ -39,6 +42,14 @@ pub struct ApiState {
     pub shutdown: CancellationToken,
 }
 
+impl ApiState {
+    /// A name for a new job or page of `tenant`, and the store of its bytes.
+    pub(super) fn new_name(&self, tenant: &TenantName) -> (JobId, ByteStore) {
+        let id = if self.bytes_by_tenant { JobId::new_by_tenant() } else { JobId::new() };
+        (id, self.bytes.of(&id.home(tenant)))
+    }
+}
+
 /// State and limits, as the handlers share them.
 pub(super) struct Api {
     pub state: ApiState,
@@ -49,6 +60,7 @@ pub(super) struct Api {
     pub checks: Semaphore,
     pub streams: Streams,
     pub statuses: Statuses,
+    pub files: Files,
 }
 
 impl Api {
@@ -58,7 +70,7 @@ impl Api {
         let decoders = Decoders::new(limits.concurrent_decodes);
         let checks = Semaphore::new(2 * limits.concurrent_decodes.max(1));
         let streams = Streams::new(limits.max_streams);
-        let statuses = Statuses::default();
-        Arc::new(Self { state, limits, budget, decoders, checks, streams, statuses })
+        let (statuses, files) = (Statuses::default(), Files::default());
+        Arc::new(Self { state, limits, budget, decoders, checks, streams, statuses, files })
     }
 }

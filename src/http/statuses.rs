@@ -7,11 +7,12 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use axum_extra::headers::ETag;
 use bytes::Bytes;
 
+use super::artifacts::Published;
 use super::problem::Problem;
 use super::resource::{Resource, store_problem, unknown, version_of};
 use jobs::{Job, JobId, JobStore, Revision, TenantName};
 
-/// What is kept ready at a time, bytes of documents.
+/// What is kept ready at a time, bytes of documents and lists of artifacts.
 const MAX_BYTES: usize = 16 << 20;
 
 /// A job as its tenant is answered.
@@ -23,6 +24,8 @@ pub(super) struct Status {
     pub etag: ETag,
     /// The document, as JSON.
     pub body: Bytes,
+    /// What its downloads need.
+    pub published: Published,
 }
 
 impl Status {
@@ -35,7 +38,13 @@ impl Status {
             is_final: job.state.is_final(),
             etag: version_of(job),
             body: body.into(),
+            published: Published::of(job),
         })
+    }
+
+    /// About what it takes in memory, bytes.
+    fn size(&self) -> usize {
+        self.body.len() + self.published.size()
     }
 }
 
@@ -86,7 +95,7 @@ impl Statuses {
 
     fn keep(&self, revision: Revision, id: JobId, status: &Arc<Status>) {
         let mut kept = self.lock();
-        let bytes = status.body.len();
+        let bytes = status.size();
         if kept.revision != Some(revision) || bytes > MAX_BYTES {
             return;
         }
@@ -109,6 +118,7 @@ mod tests {
     use super::*;
     use crate::http::reconstructions::Reconstructions;
     use crate::http::sheets::Sheets;
+    use jobs::bytes::Home;
     use jobs::{NewJob, SqliteStore, SystemClock};
     use serde_json::json;
 
@@ -138,6 +148,15 @@ mod tests {
     #[test]
     fn what_is_kept_is_bounded() {
         let statuses = Statuses::default();
+        let published = Published {
+            id: JobId::new(),
+            noun: "reconstruction",
+            is_final: true,
+            attempt: 1,
+            home: Home::Shared,
+            name: None,
+            artifacts: Vec::new(),
+        };
         let status = |bytes| {
             Arc::new(Status {
                 tenant: TenantName::default(),
@@ -145,13 +164,14 @@ mod tests {
                 is_final: true,
                 etag: "W/\"1\"".parse().unwrap(),
                 body: vec![b' '; bytes].into(),
+                published: published.clone(),
             })
         };
         let revision = Revision::default();
         assert!(statuses.kept(revision, JobId::new()).is_none());
         let ids = [(); 5].map(|()| JobId::new());
         for id in ids {
-            statuses.keep(revision, id, &status(MAX_BYTES / 3));
+            statuses.keep(revision, id, &status(MAX_BYTES / 4));
             assert!(statuses.kept(revision, id).is_some());
             assert!(statuses.lock().bytes <= MAX_BYTES);
         }

@@ -8,7 +8,7 @@ use jiff::{SignedDuration, Timestamp};
 use tokio::time::{Instant, MissedTickBehavior, interval};
 
 use super::WorkerConfig;
-use jobs::bytes::{ByteError, ByteStore};
+use jobs::bytes::{ByteError, ByteStore, BytesOf};
 use jobs::{CRASHED, Job, JobId, JobState, JobStore, StoreError};
 
 /// Why bytes could not be collected.
@@ -75,19 +75,19 @@ async fn retain(
     bytes: &ByteStore,
     make_room: Option<u64>,
 ) -> Result<(), CollectError> {
-    for id in store.unmeasured().await? {
-        store.measured(id, bytes.stored(id).await?).await?;
+    for BytesOf { id, home } in store.unmeasured().await? {
+        store.measured(id, bytes.of(&home).stored(id).await?).await?;
     }
-    for id in store.expire().await? {
+    for BytesOf { id, home } in store.expire().await? {
         tracing::info!(target: "audit", %id, "its time was over");
-        bytes.delete_job(id).await?;
+        bytes.of(&home).delete_job(id).await?;
     }
     if let Some(most) = make_room
         && store.stored_bytes(None).await? > most
     {
-        for id in store.make_room(most).await? {
+        for BytesOf { id, home } in store.make_room(most).await? {
             tracing::info!(target: "audit", %id, "deleted to make room");
-            bytes.delete_job(id).await?;
+            bytes.of(&home).delete_job(id).await?;
         }
     }
     Ok(())
@@ -106,7 +106,8 @@ pub async fn collect(
     config: &WorkerConfig,
 ) -> Result<Collected, CollectError> {
     let mut collected = Collected::default();
-    for id in bytes.jobs().await? {
+    for BytesOf { id, home } in bytes.all().await? {
+        let bytes = &bytes.of(&home);
         // Listed before the job is read: an attempt that begins in between is
         // not in the list.
         let attempts = bytes.attempts(id).await?;

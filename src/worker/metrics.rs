@@ -27,6 +27,8 @@ pub(crate) fn describe() {
         "From a job's arrival to its first claim, by kind"
     );
     describe_counter!("turnaround_leases_lost_total", "Attempts whose lease another one took");
+    // There from the start: the increase of what appears with its first one is 0.
+    metrics::counter!("turnaround_leases_lost_total").absolute(0);
     describe_histogram!(
         "turnaround_database_duration_seconds",
         seconds,

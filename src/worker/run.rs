@@ -17,6 +17,7 @@ use super::signal::{Signal, StopReason};
 use super::uploads::Uploads;
 use super::{Shared, Task, WorkError};
 use crate::failure_code::FailureCode;
+use jobs::bytes::ByteStore;
 use jobs::{Claim, Event, Failure, JobId, JobState, JobStore, StoreError};
 
 /// For how long an ending is tried to be written before the lease is left to
@@ -58,7 +59,8 @@ pub(super) fn run(shared: &Arc<Shared>, claim: Claim, claimed: Instant) {
         metrics::histogram!("turnaround_queue_wait_seconds", "kind" => kind.clone())
             .record(waited_ms.unwrap_or(0).max(0) as f64 / 1000.0);
     }
-    let uploads = Arc::new(Uploads::new(id, attempt, shared.bytes.clone(), shared.runtime.clone()));
+    let bytes = shared.bytes.of(&claim.job.home());
+    let uploads = Arc::new(Uploads::new(id, attempt, bytes.clone(), shared.runtime.clone()));
     let started = start(shared, claim, &signal, &uploads);
     let (result, left_behind) = match started {
         Err(error) => (Err(WorkError::Troubled(error.to_string())), None),
@@ -86,7 +88,7 @@ pub(super) fn run(shared: &Arc<Shared>, claim: Claim, claimed: Instant) {
     metrics::counter!("turnaround_attempts_total", &labels).increment(1);
     metrics::histogram!("turnaround_attempt_duration_seconds", "kind" => kind)
         .record(claimed.elapsed().as_secs_f64());
-    end(shared, id, attempt, ending);
+    end(shared, &bytes, (id, attempt), ending);
     shared.heart.forget(id, attempt);
     if let Some(outcome) = left_behind {
         shared.leave_behind(outcome);
@@ -174,10 +176,11 @@ fn work(shared: &Shared, claim: Claim, signal: &Arc<Signal>, uploads: &Uploads) 
         shared.config.progress_interval,
         done.clone(),
     ));
+    let bytes = shared.bytes.of(&claim.job.home());
     let attempt = PoolAttempt {
         stages: Stages::of(&claim.job.kind),
         task: Task::new(claim, shared.config.threads_per_job),
-        bytes: &shared.bytes,
+        bytes: &bytes,
         runtime: &shared.runtime,
         signal,
         uploads,
@@ -229,18 +232,18 @@ pub(super) fn panic_message(panic: &(dyn Any + Send)) -> String {
 }
 
 /// Writes the ending and deletes what the attempt stored unless it is published.
-fn end(shared: &Shared, id: JobId, attempt: u32, ending: Ending) {
+fn end(shared: &Shared, bytes: &ByteStore, (id, attempt): (JobId, u32), ending: Ending) {
     let publishes = matches!(ending, Ending::Succeeded(..));
     let crashed = matches!(ending, Ending::Crashed(_));
     if !publishes && !crashed {
         // First, for on a full disk it makes room for the ending itself.
-        delete_bytes(shared, id, attempt);
+        delete_bytes(shared, bytes, id, attempt);
     }
     let begun = Instant::now();
     let mut written = shared.runtime.block_on(write_ending(shared, id, attempt, ending));
     super::metrics::database("end", begun);
     if publishes && let Err(StoreError::Full) = written {
-        delete_bytes(shared, id, attempt);
+        delete_bytes(shared, bytes, id, attempt);
         let ending = Ending::Troubled(StoreError::Full.to_string());
         written = shared.runtime.block_on(write_ending(shared, id, attempt, ending));
     }
@@ -268,12 +271,12 @@ fn end(shared: &Shared, id: JobId, attempt: u32, ending: Ending) {
         }
     }
     if publishes || crashed {
-        delete_bytes(shared, id, attempt);
+        delete_bytes(shared, bytes, id, attempt);
     }
 }
 
-fn delete_bytes(shared: &Shared, id: JobId, attempt: u32) {
-    if let Err(error) = shared.runtime.block_on(shared.bytes.delete_attempt(id, attempt)) {
+fn delete_bytes(shared: &Shared, bytes: &ByteStore, id: JobId, attempt: u32) {
+    if let Err(error) = shared.runtime.block_on(bytes.delete_attempt(id, attempt)) {
         tracing::warn!(job = %id, attempt, %error, "could not delete the attempt's bytes");
     }
 }

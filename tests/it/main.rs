@@ -8,6 +8,7 @@ mod layers;
 mod model_regressions;
 mod service_crash;
 mod traces;
+mod watching;
 mod worker;
 
 /// A client of services on the loopback.

@@ -7,10 +7,10 @@ use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 use jiff::Timestamp;
-use jobs::bytes::{ByteStore, Key};
+use jobs::bytes::{ByteStore, Home, Key};
 use jobs::{
     Clock, EventKind, Failure, Job, JobId, JobState, JobStore, ManualClock, NewJob, SqliteStore,
-    SystemClock,
+    SystemClock, TenantName,
 };
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
@@ -458,17 +458,24 @@ async fn jobs_of_workers_that_died_run_again_at_the_next_start() {
 
 #[tokio::test]
 async fn only_bytes_that_belong_to_nothing_are_collected() {
+    for home in [Home::Shared, Home::Tenant(TenantName::default())] {
+        collect_at(&home).await;
+    }
+}
+
+async fn collect_at(home: &Home) {
     let world = World::new().await;
+    let bytes = world.bytes.of(home);
     let lease = Duration::from_secs(30);
     let put = async |job, attempt| {
         let key = Key::Artifact { job, attempt, name: "hull.glb" };
-        world.bytes.put(&key, b"x".as_slice().into()).await.unwrap();
+        bytes.put(&key, b"x".as_slice().into()).await.unwrap();
     };
     let mut jobs = Vec::new();
     for _ in 0..3 {
         let id = world.enqueue(9).await;
         let input = Key::Input { job: id, name: "front.png" };
-        world.bytes.put(&input, b"x".as_slice().into()).await.unwrap();
+        bytes.put(&input, b"x".as_slice().into()).await.unwrap();
         for attempt in 1..=2 {
             world.store.claim("tester", lease).await.unwrap().unwrap();
             put(id, attempt).await;
@@ -484,12 +491,12 @@ async fn only_bytes_that_belong_to_nothing_are_collected() {
     // A job that is uploading, or was when its process died.
     let uploading = JobId::new();
     let input = Key::Input { job: uploading, name: "front.png" };
-    world.bytes.put(&input, b"x".as_slice().into()).await.unwrap();
+    bytes.put(&input, b"x".as_slice().into()).await.unwrap();
 
     world.store.expect_bytes(uploading).await.unwrap();
     // What a database that was put back from a copy does not know (any more).
     let strange = Key::Input { job: JobId::new(), name: "front.png" };
-    world.bytes.put(&strange, b"x".as_slice().into()).await.unwrap();
+    bytes.put(&strange, b"x".as_slice().into()).await.unwrap();
     put(queued, 7).await;
 
     let hour = Duration::from_secs(3600);
@@ -502,20 +509,20 @@ async fn only_bytes_that_belong_to_nothing_are_collected() {
     let done = collect(store, &world.bytes, &after(hour, None)).await.unwrap();
     assert_eq!(done, Collected { jobs: 0, attempts: 4, unknown: 1 });
     for (id, left) in [(queued, vec![7]), (running, vec![2]), (succeeded, vec![2])] {
-        assert_eq!(world.bytes.attempts(id).await.unwrap(), left);
+        assert_eq!(bytes.attempts(id).await.unwrap(), left);
         let input = Key::Input { job: id, name: "front.png" };
-        assert_eq!(world.bytes.get(&input).await.unwrap(), "x");
+        assert_eq!(bytes.get(&input).await.unwrap(), "x");
     }
-    assert_eq!(world.bytes.get(&input).await.unwrap(), "x");
+    assert_eq!(bytes.get(&input).await.unwrap(), "x");
 
     let done = collect(store, &world.bytes, &after(Duration::ZERO, None)).await.unwrap();
     assert_eq!(done, Collected { jobs: 1, attempts: 0, unknown: 1 });
-    assert_eq!(world.bytes.get(&strange).await.unwrap(), "x");
-    assert_eq!(world.bytes.attempts(queued).await.unwrap(), [7]);
+    assert_eq!(bytes.get(&strange).await.unwrap(), "x");
+    assert_eq!(bytes.attempts(queued).await.unwrap(), [7]);
     let at_once = after(Duration::ZERO, Some(Duration::ZERO));
     let done = collect(store, &world.bytes, &at_once).await.unwrap();
     assert_eq!(done, Collected { jobs: 1, attempts: 0, unknown: 0 });
-    assert_eq!(world.bytes.jobs().await.unwrap(), [queued, running, succeeded]);
+    assert_eq!(bytes.jobs().await.unwrap(), [queued, running, succeeded]);
 }
 
 /// Work that looks at nothing, like a long call into a library.

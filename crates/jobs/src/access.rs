@@ -9,7 +9,8 @@ use rand::RngCore;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use super::{JobId, StoreError};
+use super::StoreError;
+use super::bytes::BytesOf;
 
 /// The name of a tenant: 1 to 63 lower-case letters, digits and hyphens.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
@@ -239,7 +240,7 @@ pub trait AccessStore: Send + Sync {
     ///
     /// # Errors
     /// [`StoreError::TenantInUse`] while a job of it runs, and for the default one.
-    async fn delete_tenant(&self, name: &TenantName) -> Result<Vec<JobId>, StoreError>;
+    async fn delete_tenant(&self, name: &TenantName) -> Result<Vec<BytesOf>, StoreError>;
 
     /// Stores a key.
     ///
@@ -265,6 +266,14 @@ pub trait AccessStore: Send + Sync {
 
     /// Whether there is a key that was not revoked.
     async fn has_keys(&self) -> Result<bool, StoreError>;
+
+    /// Whether a key was ever made, by whatever process, and [`Self::open_to_all`] not
+    /// called since.
+    async fn is_closed(&self) -> Result<bool, StoreError>;
+
+    /// Lets everybody in until the next key is made. `false`, and nothing is changed,
+    /// while there is a key that was not revoked.
+    async fn open_to_all(&self) -> Result<bool, StoreError>;
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@ use async_trait::async_trait;
 use jiff::Timestamp;
 use serde_json::Value;
 
+use super::bytes::Home;
 use super::{Idempotency, JobId, StoreError, Tags, TenantName};
 
 /// A page as stored.
@@ -29,6 +30,13 @@ pub struct StoredPage {
     pub created_at: Timestamp,
     /// When it was changed last.
     pub changed_at: Timestamp,
+}
+
+impl StoredPage {
+    /// Where its bytes lie.
+    pub fn home(&self) -> Home {
+        self.id.home(&self.tenant)
+    }
 }
 
 /// A page to be stored.

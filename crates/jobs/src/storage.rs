@@ -2,6 +2,7 @@
 
 use async_trait::async_trait;
 
+use super::bytes::BytesOf;
 use super::{JobId, StoreError, TenantName};
 
 /// Counts stored bytes, and forgets jobs and pages to make room.
@@ -11,7 +12,7 @@ pub trait StorageStore: Send + Sync {
     async fn stored_bytes(&self, tenant: Option<&TenantName>) -> Result<u64, StoreError>;
 
     /// Some jobs and pages whose bytes were never counted.
-    async fn unmeasured(&self) -> Result<Vec<JobId>, StoreError>;
+    async fn unmeasured(&self) -> Result<Vec<BytesOf>, StoreError>;
 
     /// Writes down how many bytes are stored for one of them.
     async fn measured(&self, id: JobId, bytes: u64) -> Result<(), StoreError>;
@@ -19,10 +20,10 @@ pub trait StorageStore: Send + Sync {
     /// Forgets the jobs that have ended, and the pages, whose time is over, and
     /// the jobs that were to be deleted when they have. Returns them: their bytes
     /// may go.
-    async fn expire(&self) -> Result<Vec<JobId>, StoreError>;
+    async fn expire(&self) -> Result<Vec<BytesOf>, StoreError>;
 
     /// Forgets jobs that have ended and are not pinned, and pages, until at most
     /// `most` bytes are stored: first what ended or was changed longest ago.
     /// Returns them: their bytes may go.
-    async fn make_room(&self, most: u64) -> Result<Vec<JobId>, StoreError>;
+    async fn make_room(&self, most: u64) -> Result<Vec<BytesOf>, StoreError>;
 }

@@ -10,6 +10,7 @@ use serde_json::Value;
 use uuid::Uuid;
 
 use super::TenantName;
+use super::bytes::Home;
 
 /// A job's name; version 7, so that names sort by age.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
@@ -20,6 +21,25 @@ impl JobId {
     /// A new name, later than all earlier ones of this process.
     pub fn new() -> Self {
         Self(Uuid::now_v7())
+    }
+
+    /// As [`Self::new`], of a job or page whose bytes lie below its tenant's prefix: such names
+    /// are UUIDs of version 8 in place of 7, and the same otherwise. So nodes that know nothing
+    /// of it need no other columns.
+    pub fn new_by_tenant() -> Self {
+        Self(
+            uuid::Builder::from_bytes(Uuid::now_v7().into_bytes())
+                .with_version(uuid::Version::Custom)
+                .into_uuid(),
+        )
+    }
+
+    /// Where the bytes of the job or page of this name lie, which is the tenant's.
+    pub fn home(self, tenant: &TenantName) -> Home {
+        match self.0.get_version() {
+            Some(uuid::Version::Custom) => Home::Tenant(tenant.clone()),
+            _ => Home::Shared,
+        }
     }
 
     /// When the name was made; `None` if it is not of version 7.
@@ -217,6 +237,11 @@ pub struct Job {
 }
 
 impl Job {
+    /// Where its bytes lie.
+    pub fn home(&self) -> Home {
+        self.id.home(&self.tenant)
+    }
+
     /// The job as it was when it was enqueued.
     pub fn as_enqueued(&self) -> Self {
         // One with an earlier result has ended when it is enqueued.

@@ -1,6 +1,8 @@
 //! What the nodes of a farm share.
 
+use std::env;
 use std::ffi::OsStr;
+use std::path::Path;
 use std::process::Command;
 
 use tempfile::TempDir;
@@ -25,7 +27,15 @@ impl Farm {
     /// # Panics
     /// If one does not come up, or there is no temporary folder.
     pub fn start(durability: Durability) -> Self {
-        let (postgres, s3) = (Postgres::start(durability), S3::start());
+        Self::start_in(durability, &env::temp_dir())
+    }
+
+    /// As [`Self::start`], with the files of both servers below `place`.
+    ///
+    /// # Panics
+    /// As [`Self::start`].
+    pub fn start_in(durability: Durability, place: &Path) -> Self {
+        let (postgres, s3) = (Postgres::start_in(durability, place), S3::start_in(place));
         let database = postgres.database();
         Self { postgres, s3, database, folder: tempfile::tempdir().expect("a temporary folder") }
     }

@@ -1,5 +1,6 @@
 //! A PostgreSQL server.
 
+use std::env;
 use std::fs;
 use std::io;
 use std::net::TcpListener;
@@ -43,7 +44,15 @@ impl Postgres {
     /// If PostgreSQL is not installed (`scripts/install-prerequisites test` does
     /// it) or does not start.
     pub fn start(durability: Durability) -> Self {
-        Self::start_as(durability, false)
+        Self::start_as(durability, false, &env::temp_dir())
+    }
+
+    /// As [`Self::start`], with its files in a folder of its own below `place`.
+    ///
+    /// # Panics
+    /// As [`Self::start`].
+    pub fn start_in(durability: Durability, place: &Path) -> Self {
+        Self::start_as(durability, false, place)
     }
 
     /// As [`Self::start`]; it also takes connections by TLS, as `localhost`.
@@ -51,14 +60,14 @@ impl Postgres {
     /// # Panics
     /// As [`Self::start`], and if there is no `openssl`.
     pub fn start_encrypted(durability: Durability) -> Self {
-        Self::start_as(durability, true)
+        Self::start_as(durability, true, &env::temp_dir())
     }
 
-    fn start_as(durability: Durability, encrypted: bool) -> Self {
+    fn start_as(durability: Durability, encrypted: bool, place: &Path) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").expect("a free port");
         let port = listener.local_addr().expect("its number").port();
         drop(listener);
-        let folder = tempfile::tempdir().expect("a folder for PostgreSQL");
+        let folder = tempfile::tempdir_in(place).expect("a folder for PostgreSQL");
         let programs = programs();
         let databases = AtomicU32::new(0);
         let mut postgres =
@@ -135,7 +144,8 @@ impl Postgres {
         }
     }
 
-    fn answers(&self) -> bool {
+    /// Whether it takes connections.
+    pub fn answers(&self) -> bool {
         let port = self.port.to_string();
         let mut command = self.command("pg_isready");
         command.args(["-q", "-h", "127.0.0.1", "-p", &port]);

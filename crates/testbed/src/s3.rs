@@ -59,7 +59,15 @@ impl S3 {
     /// # Panics
     /// If the system gives no folder, port or thread.
     pub fn start() -> Self {
-        let folder = tempfile::tempdir().expect("a folder for objects");
+        Self::start_in(&std::env::temp_dir())
+    }
+
+    /// As [`Self::start`], with its objects in a folder of its own below `place`.
+    ///
+    /// # Panics
+    /// As [`Self::start`].
+    pub fn start_in(place: &Path) -> Self {
+        let folder = tempfile::tempdir_in(place).expect("a folder for objects");
         std::fs::create_dir(folder.path().join(BUCKET)).expect("a bucket");
         let files = FileSystem::new(folder.path()).expect("objects as files");
         let mut service = S3ServiceBuilder::new(files);

@@ -41,6 +41,10 @@ pub(crate) struct StorageConfig {
     /// is not pinned, in place of refusing uploads
     #[arg(long, env = "TURNAROUND_MAKE_ROOM", requires = "disk_budget_mib")]
     pub make_room: bool,
+    /// Store the bytes of new jobs and pages below a prefix of their tenant: once all nodes are
+    /// of a version that knows it
+    #[arg(long, env = "TURNAROUND_BYTES_BY_TENANT")]
+    pub bytes_by_tenant: bool,
     /// Start with a new database beside bytes of jobs that it does not know
     #[arg(long, env = "TURNAROUND_ADOPT_BYTES")]
     pub adopt_bytes: bool,

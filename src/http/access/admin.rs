@@ -15,6 +15,7 @@ use crate::http::openapi::problem_responses;
 use crate::http::problem::{
     INVALID_BODY, Problem, TENANT_EXISTS, TENANT_IN_USE, UNAVAILABLE, UNKNOWN_KEY, UNKNOWN_TENANT,
 };
+use jobs::bytes::BytesOf;
 use jobs::{KeyText, NewKey, TenantName};
 
 const MAX_LABEL: usize = 200;
@@ -104,8 +105,9 @@ pub(in crate::http) async fn delete_tenant(
     State(api): State<Arc<Api>>,
     Path(name): Path<String>,
 ) -> Result<StatusCode, Problem> {
-    for id in api.state.access.store.delete_tenant(&known_name(&name)?).await? {
-        if let Err(error) = api.state.bytes.delete_job(id).await {
+    for gone in api.state.access.store.delete_tenant(&known_name(&name)?).await? {
+        let BytesOf { id, home } = gone;
+        if let Err(error) = api.state.bytes.of(&home).delete_job(id).await {
             // The collector of ownerless bytes takes the rest.
             tracing::warn!(%id, %error, "bytes of a deleted job stay for now");
         }

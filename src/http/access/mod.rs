@@ -41,8 +41,8 @@ const REMEMBERED: usize = 10_000;
 pub enum KeyPolicy {
     /// Always.
     Required,
-    /// As soon as there is one.
-    OnceThereAreKeys,
+    /// From the first one on, also when none is left.
+    OnceThereWasAKey,
     /// Never: whoever reaches the service may do everything.
     Off,
 }
@@ -67,7 +67,7 @@ pub(super) struct Gate {
     access: Access,
     pace: Pace,
     known: Mutex<HashMap<String, (Arc<Caller>, Instant)>>,
-    has_keys: Mutex<Option<(bool, Instant)>>,
+    is_closed: Mutex<Option<(bool, Instant)>>,
 }
 
 /// Lets a request through if its key allows it, and tells the handlers whose it is.
@@ -153,12 +153,12 @@ impl Access {
 impl Gate {
     pub(super) fn new(access: Access) -> Self {
         let (pace, known) = (Pace::default(), Mutex::default());
-        Self { access, pace, known, has_keys: Mutex::default() }
+        Self { access, pace, known, is_closed: Mutex::default() }
     }
 
     fn forget(&self) {
         lock(&self.known).clear();
-        *lock(&self.has_keys) = None;
+        *lock(&self.is_closed) = None;
     }
 
     async fn caller(&self, headers: &HeaderMap) -> Result<Arc<Caller>, Problem> {
@@ -176,17 +176,17 @@ impl Gate {
         match self.access.policy {
             KeyPolicy::Required => return Ok(true),
             KeyPolicy::Off => return Ok(false),
-            KeyPolicy::OnceThereAreKeys => {}
+            KeyPolicy::OnceThereWasAKey => {}
         }
-        let known = *lock(&self.has_keys);
-        if let Some((has_keys, at)) = known
+        let known = *lock(&self.is_closed);
+        if let Some((is_closed, at)) = known
             && at.elapsed() < FRESH
         {
-            return Ok(has_keys);
+            return Ok(is_closed);
         }
-        let has_keys = self.access.store.has_keys().await?;
-        *lock(&self.has_keys) = Some((has_keys, Instant::now()));
-        Ok(has_keys)
+        let is_closed = self.access.store.is_closed().await?;
+        *lock(&self.is_closed) = Some((is_closed, Instant::now()));
+        Ok(is_closed)
     }
 
     async fn key_holder(&self, given: &HeaderValue) -> Result<Arc<Caller>, Problem> {

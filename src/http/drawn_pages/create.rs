@@ -15,7 +15,7 @@ use crate::http::access::Caller;
 use crate::http::openapi::problem_responses;
 use crate::http::problem::*;
 use crate::http::upload::{self, PageForm, PageTerms};
-use jobs::{Idempotency, JobId, NewPage, StoredPage};
+use jobs::{Idempotency, NewPage, StoredPage};
 
 problem_responses! {
     CreateProblems: UNSUPPORTED_MEDIA_TYPE, MALFORMED_MULTIPART, INVALID_PART_NAME, INVALID_JSON,
@@ -100,18 +100,18 @@ pub(in crate::http) async fn create(
         Ok(cut) => cut,
         Err(page) => return created(&page),
     };
-    let id = JobId::new();
+    let (id, bytes) = api.state.new_name(&caller.tenant);
     let originals = sources.into_iter().enumerate().map(|(k, bytes)| (original(k), bytes));
     let stored = async {
         let Cut { content, files } = cut;
         let files = originals.chain(versioned(1, files)).collect();
         api.state.store.expect_bytes(id).await?;
-        upload::write_inputs(&api.state.bytes, id, files).await?;
+        upload::write_inputs(&bytes, id, files).await?;
         let page = NewPage {
             id,
             tenant: caller.tenant.clone(),
             content: stored_content(&content)?,
-            bytes: api.state.bytes.stored(id).await?,
+            bytes: bytes.stored(id).await?,
             max_bytes: caller.limits.max_bytes,
             tags,
             idempotency: given,
@@ -121,7 +121,7 @@ pub(in crate::http) async fn create(
     let stored: Result<StoredPage, Problem> = stored.await;
     // Refused, or the same as one that was faster.
     if stored.as_ref().map_or(true, |page| page.id != id)
-        && let Err(error) = api.state.bytes.delete_job(id).await
+        && let Err(error) = bytes.delete_job(id).await
     {
         // The collector of ownerless bytes finds them later.
         tracing::warn!(%id, %error, "files of a refused page stay for now");

@@ -147,9 +147,10 @@ pub(super) async fn delete(
     Extension(caller): Extension<Arc<Caller>>,
     id: PageId,
 ) -> Result<StatusCode, Problem> {
-    let id = find(&api, &caller, id_of(id)?).await?.id;
+    let page = find(&api, &caller, id_of(id)?).await?;
+    let id = page.id;
     api.state.store.delete_page(id).await.map_err(store_problem)?;
-    if let Err(error) = api.state.bytes.delete_job(id).await {
+    if let Err(error) = api.state.bytes.of(&page.home()).delete_job(id).await {
         // The row is gone; the collector of ownerless bytes takes the rest.
         tracing::warn!(%id, %error, "files of a deleted page stay for now");
     }
@@ -195,7 +196,7 @@ pub(super) async fn file(
         StatusCode::NOT_MODIFIED.into_response()
     } else {
         let key = Key::Input { job: stored.id, name: &format!("{}/{inner}", stored.version) };
-        let bytes = api.state.bytes.get(&key).await.map_err(missing)?;
+        let bytes = api.state.bytes.of(&stored.home()).get(&key).await.map_err(missing)?;
         let length = bytes.len();
         let body = if method == Method::HEAD { Body::empty() } else { Body::from(bytes) };
         let mut response = Response::new(body);

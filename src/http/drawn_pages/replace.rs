@@ -75,9 +75,9 @@ pub(in crate::http) async fn replace(
             kept.push((number, mask_of_version(&api, &stored, number).await?));
         }
     }
-    let mut files = Vec::new();
+    let (mut files, store) = (Vec::new(), api.state.bytes.of(&stored.home()));
     for number in 0.. {
-        match api.state.bytes.get(&Key::Input { job: id, name: &original(number) }).await {
+        match store.get(&Key::Input { job: id, name: &original(number) }).await {
             Ok(bytes) => files.push(bytes),
             Err(ByteError::NotFound(_)) => break,
             Err(error) => return Err(Problem::unavailable("byte store", &error)),
@@ -94,11 +94,11 @@ pub(in crate::http) async fn replace(
     let bytes = source_bytes + files.iter().map(|(_, file)| file.len() as u64).sum::<u64>();
     let version = stored.version + 1;
     let files = versioned(version, files).collect();
-    upload::write_inputs(&api.state.bytes, id, files).await?;
+    upload::write_inputs(&store, id, files).await?;
     let content = stored_content(&content)?;
     let replaced = api.state.store.replace_page(id, stored.version, content, bytes);
     let stored = replaced.await.map_err(store_problem)?;
-    if let Err(error) = api.state.bytes.delete_inputs(id, &(version - 1).to_string()).await {
+    if let Err(error) = store.delete_inputs(id, &(version - 1).to_string()).await {
         tracing::warn!(%id, %error, "files of a page's earlier version stay until it is deleted");
     }
     answer(&stored)
@@ -153,7 +153,8 @@ async fn mask_of_version(api: &Api, page: &StoredPage, number: usize) -> Result<
         return Err(Problem::new(INVALID_PAGE, detail).part(format!("mask[{number}]")));
     }
     let name = format!("{}/{}", page.version, figure_file(number, "mask"));
-    api.state.bytes.get(&Key::Input { job: page.id, name: &name }).await.map_err(missing)
+    let bytes = api.state.bytes.of(&page.home());
+    bytes.get(&Key::Input { job: page.id, name: &name }).await.map_err(missing)
 }
 
 fn decoded_masks(

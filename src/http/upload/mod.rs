@@ -47,7 +47,7 @@ use self::terms::Terms;
 use super::access::Caller;
 use super::problem::{IDEMPOTENT_JOB_GONE, Problem, REQUEST_TIMEOUT, UNSUPPORTED_MEDIA_TYPE};
 use super::{Api, HttpLimits, webhooks};
-use jobs::bytes::{ByteError, ByteStore, Key};
+use jobs::bytes::{ByteError, ByteStore, BytesOf, Key};
 use jobs::{Idempotency, Job, JobId, NewJob, StoreError};
 
 /// How many inputs are written at a time: each waits for the disk.
@@ -89,7 +89,7 @@ enum Inputs {
     Uploaded(Vec<(String, Bytes)>),
     /// The inputs of an earlier job, by name, and those that are not its own.
     Copied {
-        source: JobId,
+        source: BytesOf,
         names: Vec<String>,
         own: Vec<(String, Bytes)>,
     },
@@ -218,15 +218,15 @@ async fn enqueue(api: &Api, upload: Upload, terms: &Terms) -> Result<Job, Proble
     {
         return Ok(job);
     }
-    let id = JobId::new();
+    let (id, store) = api.state.new_name(&caller.tenant);
     let stored = async {
         let result_key = reuse::key(api, &upload).await?;
         let Upload { kind, payload, inputs, reuse, fetched: _hold } = upload;
         api.state.store.expect_bytes(id).await?;
-        store_inputs(api, id, inputs).await?;
-        let bytes = api.state.bytes.stored(id).await?;
+        store_inputs(&store, id, inputs).await?;
+        let bytes = store.stored(id).await?;
         let result = match reuse {
-            true => reuse::take(api, &caller.tenant, (kind, &result_key), id).await?,
+            true => reuse::take(api, &caller.tenant, (kind, &result_key), (id, &store)).await?,
             false => None,
         };
         let max_attempts = api.state.max_attempts;
@@ -251,7 +251,7 @@ async fn enqueue(api: &Api, upload: Upload, terms: &Terms) -> Result<Job, Proble
     if result.as_ref().map_or(true, |job| job.id != id) {
         // Otherwise the collector of ownerless bytes finds them later.
         let forgotten = async {
-            api.state.bytes.delete_job(id).await.map_err(|error| error.to_string())?;
+            store.delete_job(id).await.map_err(|error| error.to_string())?;
             api.state.store.forget_bytes(id).await.map_err(|error| error.to_string())
         };
         if let Err(error) = forgotten.await {
@@ -272,16 +272,15 @@ pub(super) fn idempotency_problem(error: StoreError) -> Problem {
     }
 }
 
-async fn store_inputs(api: &Api, job: JobId, inputs: Inputs) -> Result<(), Problem> {
-    let bytes = &api.state.bytes;
+async fn store_inputs(bytes: &ByteStore, job: JobId, inputs: Inputs) -> Result<(), Problem> {
     match inputs {
         Inputs::Uploaded(inputs) => write_inputs(bytes, job, inputs).await?,
         Inputs::Copied { source, names, own } => {
             write_inputs(bytes, job, own).await?;
             for name in &names {
-                let from = Key::Input { job: source, name };
-                let copied = bytes.copy(&from, &Key::Input { job, name }).await;
-                copied.map_err(|error| copy_problem(source, error))?;
+                let from = Key::Input { job: source.id, name };
+                let copied = bytes.copy(&source.home, &from, &Key::Input { job, name }).await;
+                copied.map_err(|error| copy_problem(source.id, error))?;
             }
         }
     }

@@ -211,18 +211,12 @@ impl JobForm for Parts {
         self.place_loose_views(&api.limits)?;
         let reuse = self.reuse.unwrap_or(true);
         if let Some(page) = self.page.id.take() {
-            let (id, document) = source::of_page(api, caller, &page, self).await?;
-            let inputs = Inputs::Copied {
-                source: id,
-                names: source::input_names(&document),
-                own: Vec::new(),
-            };
-            let payload = ReconstructionPayload {
-                document,
-                source: None,
-                page: Some(id.0),
-                has_matches: false,
-            };
+            let (source, document) = source::of_page(api, caller, &page, self).await?;
+            let page = Some(source.id.0);
+            let inputs =
+                Inputs::Copied { source, names: source::input_names(&document), own: Vec::new() };
+            let payload =
+                ReconstructionPayload { document, source: None, page, has_matches: false };
             return Ok(Upload { reuse, ..Upload::new(RECONSTRUCTION, &payload, inputs)? });
         }
         if let Some(part) = self.page.any() {
@@ -238,12 +232,12 @@ impl JobForm for Parts {
         let has_matches;
         let (document, source, inputs) = match self.source.take() {
             Some(source) => {
-                let (id, mut document) = source::rerun(api, caller, &source, self).await?;
+                let (source, mut document) = source::rerun(api, caller, &source, self).await?;
                 let names = source::input_names(&document);
                 let matches = matches::set_apart(&mut document)?;
                 has_matches = matches.is_some();
                 let own = matches.into_iter().collect();
-                (document, Some(id.0), Inputs::Copied { source: id, names, own })
+                (document, Some(source.id.0), Inputs::Copied { source, names, own })
             }
             None => {
                 let limits = api.limits;

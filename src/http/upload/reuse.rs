@@ -12,7 +12,7 @@ use super::{CONCURRENT_WRITES, Inputs, Upload};
 use crate::http::Api;
 use crate::http::problem::{INVALID_OPTION, Problem};
 use crate::provenance::PROGRAM;
-use jobs::bytes::{ByteError, ByteStore, Key};
+use jobs::bytes::{ByteError, ByteStore, Home, Key};
 use jobs::{EarlierResult, JobId, TenantName};
 
 /// What a payload has that the result does not depend on.
@@ -32,13 +32,14 @@ pub(super) async fn read(field: Field<'_>, name: &str) -> Result<bool, Problem> 
 pub(super) async fn key(api: &Api, upload: &Upload) -> Result<String, Problem> {
     let (own, copied) = match &upload.inputs {
         Inputs::Uploaded(own) => (own, None),
-        Inputs::Copied { source, names, own } => (own, Some((*source, names))),
+        Inputs::Copied { source, names, own } => (own, Some((source, names))),
     };
     let mut inputs: BTreeMap<String, _> = own.iter().cloned().collect();
     if let Some((source, names)) = copied {
         for name in names {
-            let found = api.state.bytes.get(&Key::Input { job: source, name }).await;
-            let bytes = found.map_err(|error| super::copy_problem(source, error))?;
+            let from = api.state.bytes.of(&source.home);
+            let found = from.get(&Key::Input { job: source.id, name }).await;
+            let bytes = found.map_err(|error| super::copy_problem(source.id, error))?;
             inputs.insert(name.clone(), bytes);
         }
     }
@@ -68,20 +69,19 @@ pub(super) async fn key(api: &Api, upload: &Upload) -> Result<String, Problem> {
 }
 
 /// The result of the tenant's latest job with this key, its artifacts' bytes made
-/// those of the job `id` as well. `None` if there is none, or no more.
+/// those of the job `id`, which lie in `bytes`, as well. `None` if there is none, or no more.
 pub(super) async fn take(
     api: &Api,
     tenant: &TenantName,
     (kind, key): (&str, &str),
-    id: JobId,
+    (id, bytes): (JobId, &ByteStore),
 ) -> Result<Option<EarlierResult>, Problem> {
     let Some(job) = api.state.store.with_result(tenant, kind, key).await? else {
         return Ok(None);
     };
     let mut copies = Vec::with_capacity(job.artifacts.len());
     for entry in &job.artifacts {
-        let (bytes, name) = (api.state.bytes.clone(), entry.name.clone());
-        copies.push(copy(bytes, (job.id, job.attempt), id, name));
+        copies.push(copy(bytes.clone(), (job.home(), job.id, job.attempt), id, entry.name.clone()));
     }
     let copied: Result<(), ByteError> =
         stream::iter(copies).buffer_unordered(CONCURRENT_WRITES).try_collect().await;
@@ -89,7 +89,7 @@ pub(super) async fn take(
         Ok(()) => {}
         // It was deleted meanwhile: the work is done anew.
         Err(ByteError::NotFound(_)) => {
-            api.state.bytes.delete_attempt(id, 1).await?;
+            bytes.delete_attempt(id, 1).await?;
             return Ok(None);
         }
         Err(error) => return Err(error.into()),
@@ -99,10 +99,10 @@ pub(super) async fn take(
 
 async fn copy(
     bytes: ByteStore,
-    (of, attempt): (JobId, u32),
+    (home, of, attempt): (Home, JobId, u32),
     id: JobId,
     name: String,
 ) -> Result<(), ByteError> {
     let from = Key::Artifact { job: of, attempt, name: &name };
-    bytes.copy(&from, &Key::Artifact { job: id, attempt: 1, name: &name }).await
+    bytes.copy(&home, &from, &Key::Artifact { job: id, attempt: 1, name: &name }).await
 }

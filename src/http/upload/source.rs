@@ -15,7 +15,7 @@ use crate::http::drawn_pages::PageContent;
 use crate::http::problem::{DIFFERING_SIZES, Problem, UNKNOWN_SOURCE, WRONG_NUMBER_OF_FIGURES};
 use crate::kinds::{MATCHES_INPUT, RECONSTRUCTION, ReconstructionPayload};
 use frames::{Azimuth, Elevation, Viewpoint};
-use jobs::bytes::{ByteError, Key};
+use jobs::bytes::{ByteError, BytesOf, Key};
 use jobs::{JobId, StoreError};
 use sheet::{PictureSize, SheetDocument, ViewDocument};
 
@@ -26,7 +26,7 @@ pub(super) async fn rerun(
     caller: &Caller,
     source: &str,
     parts: Parts,
-) -> Result<(JobId, SheetDocument), Problem> {
+) -> Result<(BytesOf, SheetDocument), Problem> {
     let sheet = parts.sheet.is_some().then(|| "sheet".to_owned());
     let view = parts.any_of_views_form();
     let file = parts.files.first().or(parts.truth_model.as_ref()).map(|file| &file.file);
@@ -39,10 +39,14 @@ pub(super) async fn rerun(
     if job.kind != RECONSTRUCTION || job.tenant != caller.tenant {
         return Err(unknown(source));
     }
+    let from = BytesOf { id, home: job.home() };
     let payload: ReconstructionPayload = serde_json::from_value(job.payload)
         .map_err(|error| Problem::internal("stored sheet document", &error))?;
     let stored = match payload.has_matches {
-        true => Some(api.state.bytes.get(&Key::Input { job: id, name: MATCHES_INPUT }).await),
+        true => {
+            let bytes = api.state.bytes.of(&from.home);
+            Some(bytes.get(&Key::Input { job: id, name: MATCHES_INPUT }).await)
+        }
         false => None,
     };
     let stored = stored.transpose().map_err(|error| match error {
@@ -50,7 +54,7 @@ pub(super) async fn rerun(
         other => other.into(),
     })?;
     let document = completed(api, payload.document, parts, stored, "source").await?;
-    Ok((id, document))
+    Ok((from, document))
 }
 
 /// The document of a job whose views are the kept figures of the page `page`.
@@ -59,7 +63,7 @@ pub(super) async fn of_page(
     caller: &Caller,
     page: &str,
     mut parts: Parts,
-) -> Result<(JobId, SheetDocument), Problem> {
+) -> Result<(BytesOf, SheetDocument), Problem> {
     let azimuths = azimuth_part(parts.page.azimuths.take().as_deref())?;
     let source = parts.source.as_ref().map(|_| "source".to_owned());
     parts.expect_only("page", [source.as_ref(), parts.any_of_others().as_ref(), None])?;
@@ -91,7 +95,7 @@ pub(super) async fn of_page(
         a.total_cmp(&b).then(a_raised.total_cmp(&b_raised))
     });
     let document = completed(api, document, parts, None, "page").await?;
-    Ok((id, document))
+    Ok((BytesOf { id, home: stored.home() }, document))
 }
 
 /// Gives the kept figures these azimuths, in reading order.

@@ -123,7 +123,7 @@ pub(super) fn fingerprint(upload: &Upload, priority: i32) -> String {
     let files = match &upload.inputs {
         Inputs::Uploaded(files) => files,
         Inputs::Copied { source, names, own } => {
-            print.add(source.to_string().as_bytes());
+            print.add(source.id.to_string().as_bytes());
             names.iter().for_each(|name| print.add(name.as_bytes()));
             own
         }

@@ -203,6 +203,8 @@ async fn without_keys_it_is_open_and_with_the_first_it_is_closed() {
     assert_eq!(revoked.status(), StatusCode::OK);
     let after = service.get("/v1/admin/keys").bearer_auth(text.reveal()).send().await.unwrap();
     problem(after, 401, "unauthorized").await;
+    // It was the last one: nobody is let in for that.
+    problem(list().await, 401, "unauthorized").await;
 }
 
 #[tokio::test]

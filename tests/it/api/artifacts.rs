@@ -173,3 +173,32 @@ async fn ranges_of_bytes() {
         problem(response, 416, "range-not-satisfiable").await;
     }
 }
+
+/// Those are kept in memory once they were asked for.
+#[tokio::test]
+async fn small_ones_are_as_stored_and_go_with_their_job() {
+    let service = Service::start().await;
+    let png = |seed: u8| (0..60_000u32).map(|i| (i % 251) as u8 ^ seed).collect::<Vec<u8>>();
+    let mut jobs = Vec::new();
+    for seed in [1, 2] {
+        jobs.push((service.finished(&[("page.png", "image/png", png(seed))]).await, png(seed)));
+    }
+    let path = |id| format!("/v1/reconstructions/{id}/artifacts/page.png");
+    for _ in 0..2 {
+        for (id, content) in &jobs {
+            let whole = service.get(&path(id)).send().await.unwrap();
+            assert_eq!(header(&whole, "content-length"), Some("60000"));
+            assert_eq!(whole.bytes().await.unwrap(), content);
+            let part = service.get(&path(id)).header("range", "bytes=59000-70000");
+            let part = part.send().await.unwrap();
+            assert_eq!(part.status(), StatusCode::PARTIAL_CONTENT);
+            assert_eq!(header(&part, "content-range"), Some("bytes 59000-59999/60000"));
+            assert_eq!(part.bytes().await.unwrap(), content[59_000..]);
+        }
+    }
+    let (first, _) = &jobs[0];
+    let deleted = service.delete(&format!("/v1/reconstructions/{first}")).send().await.unwrap();
+    assert_eq!(deleted.status(), StatusCode::NO_CONTENT);
+    let gone = service.get(&path(first)).send().await.unwrap();
+    problem(gone, 404, "unknown-reconstruction").await;
+}

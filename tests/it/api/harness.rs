@@ -41,6 +41,15 @@ impl Service {
     }
 
     pub(crate) async fn start_with(limits: HttpLimits, timeouts: ServerTimeouts) -> Self {
+        Self::start_as(limits, timeouts, false).await
+    }
+
+    /// One that stores new bytes below prefixes of their tenants.
+    pub(crate) async fn start_by_tenant() -> Self {
+        Self::start_as(HttpLimits::default(), ServerTimeouts::default(), true).await
+    }
+
+    async fn start_as(limits: HttpLimits, timeouts: ServerTimeouts, bytes_by_tenant: bool) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("jobs.sqlite");
         let store = Arc::new(SqliteStore::open(&path, Arc::new(SystemClock)).await.unwrap());
@@ -53,11 +62,12 @@ impl Service {
         let state = ApiState {
             store: store.clone(),
             bytes: bytes.clone(),
+            bytes_by_tenant,
             metrics: http::prometheus().unwrap(),
             max_attempts: 3,
             access: Access {
                 store: store.clone(),
-                policy: KeyPolicy::OnceThereAreKeys,
+                policy: KeyPolicy::OnceThereWasAKey,
                 defaults: TenantLimits::default(),
                 open_metrics: false,
                 docs: true,
@@ -162,7 +172,7 @@ impl Service {
     pub(crate) async fn assert_nothing_stored(&self) {
         let query = ListQuery { limit: 10, ..ListQuery::default() };
         assert!(self.store.list(&query).await.unwrap().jobs.is_empty(), "a job was stored");
-        assert_eq!(self.bytes.jobs().await.unwrap(), [], "bytes were stored");
+        assert_eq!(self.bytes.all().await.unwrap(), [], "bytes were stored");
         let mut folders = vec![self.folder.path().join("bytes")];
         while let Some(folder) = folders.pop() {
             for entry in std::fs::read_dir(folder).unwrap() {

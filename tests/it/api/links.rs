@@ -74,7 +74,7 @@ async fn a_link_ends() {
         let body = json!({"artifact": SOLID, "expires_in": expires_in});
         problem(link(&service, id, body).await, 422, "invalid-body").await;
     }
-    problem(link(&service, id, json!({"artifact": "x"})).await, 422, "invalid-body").await;
+    problem(link(&service, id, json!({"artifact": "x"})).await, 404, "unknown-artifact").await;
     let nobody = JobId::new();
     let unknown = link(&service, nobody, json!({"artifact": SOLID})).await;
     problem(unknown, 404, "unknown-reconstruction").await;

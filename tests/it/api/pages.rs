@@ -4,8 +4,8 @@ use std::io::Cursor;
 use std::time::Duration;
 
 use image::{GrayImage, ImageFormat, Luma};
-use jobs::bytes::Key;
-use jobs::{JobId, JobStore};
+use jobs::bytes::{BytesOf, Home, Key};
+use jobs::{JobId, JobStore, TenantName};
 use reqwest::Response;
 use reqwest::multipart::Form;
 use serde_json::{Value, json};
@@ -169,6 +169,27 @@ async fn an_edited_page_has_other_masks_and_previews() {
     problem(late.send().await.unwrap(), 412, "precondition-failed").await;
     let known = service.put(&path(&page)).header("if-match", "\"2\"").json(&edited);
     assert_eq!(known.send().await.unwrap().json::<Value>().await.unwrap()["version"], 3);
+}
+
+#[tokio::test]
+async fn pictures_of_a_page_lie_below_its_tenant() {
+    let service = Service::start_by_tenant().await;
+    let page = stored(&service, 2).await;
+    let response = put(&service, &page).await;
+    assert_eq!(response.status(), 200);
+    let edited: Value = response.json().await.unwrap();
+    picture(&service, &edited["links"]["preview"]).await;
+    let form = Form::new().text("page", page["id"].as_str().unwrap().to_owned());
+    let sent = service.upload(form.text("azimuths", "0,90")).await;
+    assert_eq!(sent.status(), 202);
+    let job: Value = sent.json().await.unwrap();
+    let home = Home::Tenant(TenantName::default());
+    let ids = [&page, &job].map(|it| it["id"].as_str().unwrap().parse().unwrap());
+    let found = service.bytes.all().await.unwrap();
+    assert_eq!(found, ids.map(|id| BytesOf { id, home: home.clone() }));
+    assert_eq!(service.delete(&path(&page)).send().await.unwrap().status(), 204);
+    let left = service.bytes.all().await.unwrap();
+    assert_eq!(left, [BytesOf { id: ids[1], home }], "the job has its own copies");
 }
 
 /// White in the upper half.

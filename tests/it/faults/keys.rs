@@ -32,6 +32,17 @@ async fn keys_are_made_listed_and_revoked_on_the_command_line() {
     run(&["keys", "revoke", &key[..15]], folder.path());
     tokio::time::sleep(std::time::Duration::from_millis(1100)).await;
     assert_eq!(status(&key).await, 401);
+    // The last one: closed to all, also after a restart, until it is said to be open.
+    let anybody = async |service: &Process| {
+        service.get("/v1/reconstructions").send().await.unwrap().status().as_u16()
+    };
+    assert_eq!(anybody(&service).await, 401);
+    drop(service);
+    let service = Process::start(folder.path(), &[]);
+    assert_eq!(anybody(&service).await, 401);
+    run(&["keys", "open"], folder.path());
+    tokio::time::sleep(std::time::Duration::from_millis(1100)).await;
+    assert_eq!(anybody(&service).await, 200);
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

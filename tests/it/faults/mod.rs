@@ -2,6 +2,7 @@
 //! to one that runs unattended, a file a matter.
 
 mod full_disk;
+mod homes;
 mod isolation;
 mod keys;
 pub(crate) mod process;

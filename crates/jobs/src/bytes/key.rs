@@ -2,7 +2,7 @@
 
 use object_store::path::{Path, PathPart};
 
-use crate::JobId;
+use crate::{JobId, TenantName};
 
 /// File systems allow 255 bytes a name; some stay free for temporary suffixes.
 const MAX_SEGMENT_BYTES: usize = 200;
@@ -10,6 +10,36 @@ const MAX_SEGMENTS: usize = 8;
 
 pub(super) const INPUTS: &str = "inputs";
 pub(super) const ARTIFACTS: &str = "artifacts";
+pub(super) const TENANTS: &str = "tenants";
+
+/// Where the bytes of a job or page lie in a store.
+#[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Home {
+    /// Beside those of all tenants.
+    #[default]
+    Shared,
+    /// Below their tenant's prefix.
+    Tenant(TenantName),
+}
+
+impl Home {
+    /// What the paths of keys are below. Names of tenants are plain lower-case words.
+    pub(super) fn prefix(&self) -> Path {
+        match self {
+            Self::Shared => Path::default(),
+            Self::Tenant(name) => Path::from_iter([TENANTS, name.as_str()]),
+        }
+    }
+}
+
+/// A job or page and where its bytes lie.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct BytesOf {
+    /// Its name.
+    pub id: JobId,
+    /// Where they lie.
+    pub home: Home,
+}
 
 /// Where bytes are stored; every path is made here.
 ///

@@ -9,5 +9,5 @@ mod key;
 mod s3;
 mod store;
 
-pub use key::{InvalidName, Key};
+pub use key::{BytesOf, Home, InvalidName, Key};
 pub use store::{ByteError, ByteRange, ByteStore, ByteWriter};

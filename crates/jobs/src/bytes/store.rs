@@ -1,12 +1,12 @@
 //! Inputs and artifacts as bytes in an object store, read and written in parts.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashSet};
 use std::fs::{self, File};
 use std::io;
 use std::ops::Range;
 use std::os::unix::fs::FileExt;
 use std::path::{Path as FilePath, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use bytes::Bytes;
 use futures::stream::BoxStream;
@@ -15,11 +15,10 @@ use jiff::Timestamp;
 use object_store::local::LocalFileSystem;
 use object_store::path::Path;
 use object_store::{
-    GetOptions, GetRange, GetResultPayload, ObjectStore, ObjectStoreExt, PutMode, PutPayload,
-    WriteMultipart,
+    GetOptions, GetRange, ObjectStore, ObjectStoreExt, PutMode, PutPayload, WriteMultipart,
 };
 
-use super::key::{self, InvalidName, Key};
+use super::key::{self, BytesOf, Home, InvalidName, Key};
 use crate::JobId;
 
 /// Why bytes could not be stored or fetched.
@@ -69,23 +68,67 @@ impl From<ByteError> for io::Error {
 /// What is read at once of a file: each piece waits for another thread.
 const READ_BYTES: usize = 256 << 10;
 
-/// The bytes of a range that lies within the file.
-fn chunks_of(file: File, range: Range<u64>) -> BoxStream<'static, Result<Bytes, ByteError>> {
+/// The first piece of a range that lies within the file.
+fn read_piece(file: &File, range: Range<u64>) -> io::Result<Bytes> {
+    let left = usize::try_from(range.end - range.start).unwrap_or(READ_BYTES);
+    let mut bytes = vec![0; left.min(READ_BYTES)];
+    file.read_exact_at(&mut bytes, range.start)?;
+    Ok(bytes.into())
+}
+
+/// The pieces of a range that lies within the file.
+fn pieces_of(
+    file: File,
+    range: Range<u64>,
+) -> impl futures::Stream<Item = Result<Bytes, ByteError>> + Send {
     let next = move |(file, at): (File, u64)| async move {
         if at >= range.end {
             return Ok(None);
         }
-        let left = usize::try_from(range.end - at).unwrap_or(READ_BYTES);
         let reading = tokio::task::spawn_blocking(move || {
-            let mut bytes = vec![0; left.min(READ_BYTES)];
-            file.read_exact_at(&mut bytes, at)?;
-            io::Result::Ok((Bytes::from(bytes), file))
+            io::Result::Ok((read_piece(&file, at..range.end)?, file))
         });
         let (bytes, file) = reading.await.map_err(backend)?.map_err(backend)?;
         let at = at + bytes.len() as u64;
         Ok(Some((bytes, (file, at))))
     };
-    stream::try_unfold((file, range.start), next).boxed()
+    stream::try_unfold((file, range.start), next)
+}
+
+/// A range of a file, which is opened and its first piece read in one go on another thread: most
+/// files are one piece.
+///
+/// * `name`: its path in the store.
+async fn file_range(
+    file: PathBuf,
+    name: Path,
+    wanted: Option<Range<u64>>,
+) -> Result<ByteRange, ByteError> {
+    let opening = tokio::task::spawn_blocking(move || {
+        let file = File::open(file).map_err(|error| match error.kind() {
+            io::ErrorKind::NotFound => ByteError::NotFound(name.into()),
+            _ => backend(error),
+        })?;
+        let size = file.metadata().map_err(backend)?.len();
+        let range = within(wanted, size)?;
+        let first = read_piece(&file, range.clone()).map_err(backend)?;
+        Ok::<_, ByteError>((file, size, range, first))
+    });
+    let (file, size, range, first) = opening.await.map_err(backend)??;
+    let rest = pieces_of(file, range.start + first.len() as u64..range.end);
+    let chunks = stream::iter((!first.is_empty()).then_some(Ok(first))).chain(rest).boxed();
+    Ok(ByteRange { size, range, chunks })
+}
+
+/// The part of what is wanted that there is.
+fn within(wanted: Option<Range<u64>>, size: u64) -> Result<Range<u64>, ByteError> {
+    match wanted {
+        Some(wanted) if wanted.is_empty() || wanted.start >= size => {
+            Err(ByteError::Range { wanted, size })
+        }
+        Some(wanted) => Ok(wanted.start..wanted.end.min(size)),
+        None => Ok(0..size),
+    }
 }
 
 /// Bytes on their way out.
@@ -136,6 +179,10 @@ pub struct ByteStore {
     /// The folder, if it is one: whole trees are removed there at once, with
     /// the partly written files that listings leave out.
     root: Option<PathBuf>,
+    /// What all paths are below.
+    prefix: Path,
+    /// Folders that were made and synced, of all homes.
+    made: Arc<Mutex<HashSet<Path>>>,
 }
 
 impl ByteStore {
@@ -145,22 +192,50 @@ impl ByteStore {
     /// # Errors
     /// [`ByteError::Backend`] if the folder can't be made or written.
     pub fn local(root: &FilePath) -> Result<Self, ByteError> {
-        // Made and synced here, once: of two first writes at the same time only
-        // the one that makes a directory would sync its name.
-        for folder in [key::INPUTS, key::ARTIFACTS] {
-            fs::create_dir_all(root.join(folder)).map_err(backend)?;
-        }
+        make_folders(root).map_err(backend)?;
         let root = fs::canonicalize(root).map_err(backend)?;
         for directory in root.ancestors().take(2) {
             File::open(directory).and_then(|it| it.sync_all()).map_err(backend)?;
         }
         let store = LocalFileSystem::new_with_prefix(&root).map_err(backend)?.with_fsync(true);
-        Ok(Self { store: Arc::new(store), root: Some(root) })
+        Ok(Self { root: Some(root), ..Self::remote(Arc::new(store)) })
     }
 
     /// Bytes in another object store; its writes must be durable.
     pub fn remote(store: Arc<dyn ObjectStore>) -> Self {
-        Self { store, root: None }
+        Self { store, root: None, prefix: Path::default(), made: Arc::default() }
+    }
+
+    /// The same store, of those bytes that lie there. [`Self::remote`] and the like give
+    /// that of [`Home::Shared`].
+    pub fn of(&self, home: &Home) -> Self {
+        Self { prefix: home.prefix(), ..self.clone() }
+    }
+
+    fn path(&self, key: &Key<'_>) -> Result<Path, InvalidName> {
+        Ok(self.below(&key.path()?))
+    }
+
+    fn below(&self, folder: &Path) -> Path {
+        self.prefix.parts().chain(folder.parts()).collect()
+    }
+
+    /// Makes a tenant's folders before the first write to them.
+    async fn make_folders(&self) -> Result<(), ByteError> {
+        let made = || self.made.lock().unwrap_or_else(PoisonError::into_inner);
+        let Some(root) = &self.root else { return Ok(()) };
+        if self.prefix.as_ref().is_empty() || made().contains(&self.prefix) {
+            return Ok(());
+        }
+        let (root, own) = (root.clone(), root.join(self.prefix.as_ref()));
+        let making = tokio::task::spawn_blocking(move || {
+            make_folders(&own)?;
+            let between = own.ancestors().take_while(|folder| folder.starts_with(&root));
+            between.into_iter().try_for_each(|folder| File::open(folder)?.sync_all())
+        });
+        making.await.map_err(backend)?.map_err(backend)?;
+        made().insert(self.prefix.clone());
+        Ok(())
     }
 
     /// Bytes that may still be stored; `None` if the storage has no such limit.
@@ -179,7 +254,8 @@ impl ByteStore {
     /// # Errors
     /// [`ByteError::Backend`] if there is another artifact under this key.
     pub async fn put(&self, key: &Key<'_>, bytes: Bytes) -> Result<(), ByteError> {
-        let path = key.path()?;
+        self.make_folders().await?;
+        let path = self.path(key)?;
         let is_new = matches!(key, Key::Artifact { .. }) && self.root.is_none();
         let mode = if is_new { PutMode::Create } else { PutMode::Overwrite };
         let payload = PutPayload::from_bytes(bytes.clone());
@@ -197,13 +273,14 @@ impl ByteStore {
     /// Begins to store bytes piece by piece; nothing is stored before
     /// [`ByteWriter::finish`].
     pub async fn writer(&self, key: &Key<'_>) -> Result<ByteWriter, ByteError> {
-        let upload = self.store.put_multipart(&key.path()?).await.map_err(from_store)?;
+        self.make_folders().await?;
+        let upload = self.store.put_multipart(&self.path(key)?).await.map_err(from_store)?;
         Ok(ByteWriter { parts: WriteMultipart::new_with_chunk_size(upload, PART_BYTES) })
     }
 
     /// Everything stored under `key`.
     pub async fn get(&self, key: &Key<'_>) -> Result<Bytes, ByteError> {
-        let found = self.store.get(&key.path()?).await.map_err(from_store)?;
+        let found = self.store.get(&self.path(key)?).await.map_err(from_store)?;
         found.bytes().await.map_err(from_store)
     }
 
@@ -217,31 +294,32 @@ impl ByteStore {
         key: &Key<'_>,
         range: Option<Range<u64>>,
     ) -> Result<ByteRange, ByteError> {
-        let path = key.path()?;
-        if let Some(wanted) = &range {
+        let path = self.path(key)?;
+        if let Some(root) = &self.root {
+            return file_range(root.join(path.as_ref()), path, range).await;
+        }
+        if range.is_some() {
             let size = self.store.head(&path).await.map_err(from_store)?.size;
-            if wanted.is_empty() || wanted.start >= size {
-                return Err(ByteError::Range { wanted: wanted.clone(), size });
-            }
+            within(range.clone(), size)?;
         }
         let options = GetOptions { range: range.map(GetRange::Bounded), ..GetOptions::default() };
         let found = self.store.get_opts(&path, options).await.map_err(from_store)?;
-        let (size, range) = (found.meta.size, found.range);
-        let chunks = match found.payload {
-            GetResultPayload::File(file, _) => chunks_of(file, range.clone()),
-            GetResultPayload::Stream(chunks) => chunks.map_err(from_store).boxed(),
-        };
-        Ok(ByteRange { size, range, chunks })
+        let (size, range) = (found.meta.size, found.range.clone());
+        Ok(ByteRange { size, range, chunks: found.into_stream().map_err(from_store).boxed() })
     }
 
     /// Size of what is stored under `key`.
     pub async fn size(&self, key: &Key<'_>) -> Result<u64, ByteError> {
-        Ok(self.store.head(&key.path()?).await.map_err(from_store)?.size)
+        Ok(self.store.head(&self.path(key)?).await.map_err(from_store)?.size)
     }
 
     /// Stores the bytes of `from` under `to` as well; deleting one leaves the other.
-    pub async fn copy(&self, from: &Key<'_>, to: &Key<'_>) -> Result<(), ByteError> {
-        self.store.copy(&from.path()?, &to.path()?).await.map_err(from_store)
+    ///
+    /// * `at`: this store, where `from` lies.
+    pub async fn copy(&self, at: &Home, from: &Key<'_>, to: &Key<'_>) -> Result<(), ByteError> {
+        self.make_folders().await?;
+        let from = self.of(at).path(from)?;
+        self.store.copy(&from, &self.path(to)?).await.map_err(from_store)
     }
 
     /// Deletes inputs and artifacts of a job. Nothing stored is no error.
@@ -270,6 +348,18 @@ impl ByteStore {
         Ok(jobs.into_iter().collect())
     }
 
+    /// As [`Self::jobs`], wherever their bytes lie.
+    pub async fn all(&self) -> Result<Vec<BytesOf>, ByteError> {
+        let shared = self.of(&Home::Shared);
+        let tenants = shared.children(&Path::from(key::TENANTS)).await?;
+        let mut found = Vec::new();
+        for home in [Home::Shared].into_iter().chain(tenants.into_iter().map(Home::Tenant)) {
+            let jobs = self.of(&home).jobs().await?;
+            found.extend(jobs.into_iter().map(|id| BytesOf { id, home: home.clone() }));
+        }
+        Ok(found)
+    }
+
     /// The attempts of a job that wrote anything.
     pub async fn attempts(&self, job: JobId) -> Result<Vec<u32>, ByteError> {
         self.children(&key::attempts_of(job)).await
@@ -279,7 +369,7 @@ impl ByteStore {
     pub async fn last_written(&self, job: JobId) -> Result<Option<Timestamp>, ByteError> {
         let mut latest = None;
         for folder in [key::inputs_of(job), key::attempts_of(job)] {
-            let mut objects = self.store.list(Some(&folder));
+            let mut objects = self.store.list(Some(&self.below(&folder)));
             while let Some(object) = objects.try_next().await.map_err(from_store)? {
                 let written_ms = object.last_modified.timestamp_millis();
                 latest = latest.max(Timestamp::from_millisecond(written_ms).ok());
@@ -292,7 +382,7 @@ impl ByteStore {
     pub async fn stored(&self, job: JobId) -> Result<u64, ByteError> {
         let mut bytes = 0;
         for folder in [key::inputs_of(job), key::attempts_of(job)] {
-            let mut objects = self.store.list(Some(&folder));
+            let mut objects = self.store.list(Some(&self.below(&folder)));
             while let Some(object) = objects.try_next().await.map_err(from_store)? {
                 bytes += object.size;
             }
@@ -302,12 +392,14 @@ impl ByteStore {
 
     /// The names directly below `folder` that read as a `T`; others are not ours.
     async fn children<T: std::str::FromStr>(&self, folder: &Path) -> Result<Vec<T>, ByteError> {
-        let listing = self.store.list_with_delimiter(Some(folder)).await.map_err(from_store)?;
+        let folder = self.below(folder);
+        let listing = self.store.list_with_delimiter(Some(&folder)).await.map_err(from_store)?;
         let names = listing.common_prefixes.iter().filter_map(Path::filename);
         Ok(names.filter_map(|name| name.parse().ok()).collect())
     }
 
     async fn delete_all(&self, folder: Path) -> Result<(), ByteError> {
+        let folder = self.below(&folder);
         let Some(root) = &self.root else {
             let listed = self.store.list(Some(&folder)).map_ok(|object| object.location).boxed();
             let deleted = self.store.delete_stream(listed);
@@ -320,6 +412,14 @@ impl ByteStore {
             _ => Ok(()),
         }
     }
+}
+
+/// Made once, and then synced by who calls: of two first writes at the same time only the one
+/// that makes a directory would sync its name.
+fn make_folders(root: &FilePath) -> io::Result<()> {
+    [key::INPUTS, key::ARTIFACTS]
+        .iter()
+        .try_for_each(|folder| fs::create_dir_all(root.join(folder)))
 }
 
 pub(super) fn from_store(error: object_store::Error) -> ByteError {

@@ -5,9 +5,10 @@ use rand::RngCore;
 use sqlx::{FromRow, Row as _};
 use subtle::ConstantTimeEq;
 
-use super::{Connection, LOCK, Row, Store, backend, commit_error, rows};
+use super::{Connection, LOCK, Row, Store, backend, commit_error, rows, storage};
+use crate::StoreError;
 use crate::access::{AccessStore, ApiKey, KeyText, NewKey, Tenant, TenantLimits, TenantName};
-use crate::{JobId, StoreError};
+use crate::bytes::BytesOf;
 
 impl<'r> FromRow<'r, Row> for Tenant {
     fn from_row(row: &'r Row) -> sqlx::Result<Self> {
@@ -94,7 +95,7 @@ impl AccessStore for Store {
         self.tenant(name).await
     }
 
-    async fn delete_tenant(&self, name: &TenantName) -> Result<Vec<JobId>, StoreError> {
+    async fn delete_tenant(&self, name: &TenantName) -> Result<Vec<BytesOf>, StoreError> {
         let (mut transaction, now) = self.begin().await?;
         expect_tenant(&mut transaction, name).await?;
         let running: bool = sqlx::query_scalar(
@@ -107,19 +108,14 @@ impl AccessStore for Store {
         if running || *name == TenantName::default() {
             return Err(StoreError::TenantInUse(name.clone()));
         }
-        let mut deleted: Vec<String> =
-            sqlx::query_scalar("DELETE FROM jobs WHERE tenant = $1 RETURNING id")
-                .bind(name.as_str())
-                .fetch_all(&mut *transaction)
-                .await
-                .map_err(backend)?;
-        let pages: Vec<String> =
-            sqlx::query_scalar("DELETE FROM pages WHERE tenant = $1 RETURNING id")
-                .bind(name.as_str())
-                .fetch_all(&mut *transaction)
-                .await
-                .map_err(backend)?;
-        deleted.extend(pages);
+        let mut deleted = Vec::new();
+        for sql in [
+            "DELETE FROM jobs WHERE tenant = $1 RETURNING id, tenant",
+            "DELETE FROM pages WHERE tenant = $1 RETURNING id, tenant",
+        ] {
+            let gone = sqlx::query(sql).bind(name.as_str()).fetch_all(&mut *transaction);
+            deleted.extend(storage::all_bytes_of(&gone.await.map_err(backend)?)?);
+        }
         for sql in
             ["DELETE FROM idempotency WHERE tenant = $1", "DELETE FROM tenants WHERE name = $1"]
         {
@@ -208,5 +204,27 @@ impl AccessStore for Store {
             .fetch_one(self.readers())
             .await
             .map_err(backend)
+    }
+
+    async fn is_closed(&self) -> Result<bool, StoreError> {
+        sqlx::query_scalar("SELECT EXISTS (SELECT 1 FROM closed)")
+            .fetch_one(self.readers())
+            .await
+            .map_err(backend)
+    }
+
+    async fn open_to_all(&self) -> Result<bool, StoreError> {
+        let (mut transaction, _) = self.begin().await?;
+        let held: bool =
+            sqlx::query_scalar("SELECT EXISTS (SELECT 1 FROM keys WHERE revoked_ms IS NULL)")
+                .fetch_one(&mut *transaction)
+                .await
+                .map_err(backend)?;
+        if !held {
+            let open = sqlx::query("DELETE FROM closed").execute(&mut *transaction);
+            open.await.map_err(backend)?;
+        }
+        transaction.commit().await.map_err(commit_error)?;
+        Ok(!held)
     }
 }

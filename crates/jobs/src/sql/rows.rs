@@ -11,6 +11,7 @@ use sqlx::{FromRow, Row as _};
 
 use super::access::tenant_name;
 use super::{Connection, LOCK, Row, backend};
+use crate::bytes::BytesOf;
 use crate::record::{Change, Record};
 use crate::{Event, Job, JobId, JobState, StoreError, Tags, Uptime};
 
@@ -107,6 +108,12 @@ pub(super) async fn state(connection: &mut Connection, id: JobId) -> Result<JobS
     let row = sqlx::query(row).bind(id.to_string());
     let row = row.fetch_optional(connection).await.map_err(backend)?;
     named(&row.ok_or(StoreError::NotFound(id))?, "state").map_err(unreadable)
+}
+
+/// Where the bytes of a listed row of jobs or pages lie.
+pub(super) fn bytes_of(row: &Row) -> sqlx::Result<BytesOf> {
+    let id = JobId(text(row, "id")?.parse().map_err(decode)?);
+    Ok(BytesOf { id, home: id.home(&tenant_name(row, "tenant")?) })
 }
 
 /// The id of a listed row.

@@ -1,10 +1,11 @@
 //! Stored bytes.
 
 use async_trait::async_trait;
-use sqlx::Transaction;
+use sqlx::{Row as _, Transaction};
 
 use super::access::expect_tenant;
-use super::{Connection, Db, Store, backend, commit_error, ownerless};
+use super::{Connection, Db, Row, Store, backend, commit_error, ownerless, rows};
+use crate::bytes::BytesOf;
 use crate::storage::StorageStore;
 use crate::{JobId, StoreError, TenantName, Uptime};
 
@@ -44,24 +45,28 @@ pub(super) async fn expect_room(
     Err(StoreError::TooManyBytes { tenant: tenant.clone(), most })
 }
 
+/// Of rows with id and tenant.
+pub(super) fn all_bytes_of(found: &[Row]) -> Result<Vec<BytesOf>, StoreError> {
+    found.iter().map(|row| rows::bytes_of(row).map_err(backend)).collect()
+}
+
 impl Store {
     /// Ends a deletion: the jobs and pages were deleted, and their bytes are
     /// ownerless from now on.
     pub(super) async fn let_go(
         &self,
         mut transaction: Transaction<'static, Db>,
-        ids: Vec<String>,
+        gone: Vec<BytesOf>,
         now: &Uptime,
-    ) -> Result<Vec<JobId>, StoreError> {
-        let ids: Vec<JobId> = ids.iter().filter_map(|id| id.parse().ok()).collect();
-        for id in &ids {
+    ) -> Result<Vec<BytesOf>, StoreError> {
+        for BytesOf { id, .. } in &gone {
             ownerless::add(&mut transaction, *id, now).await?;
         }
         transaction.commit().await.map_err(commit_error)?;
-        Ok(ids)
+        Ok(gone)
     }
 
-    async fn try_expire(&self) -> Result<Vec<JobId>, StoreError> {
+    async fn try_expire(&self) -> Result<Vec<BytesOf>, StoreError> {
         const JOBS: &str = "jobs WHERE state IN ('succeeded', 'failed', 'cancelled')
             AND (delete_requested = 1 OR (pinned = 0 AND expires_ms <= $1))";
         const PAGES: &str = "pages WHERE pinned = 0 AND expires_ms <= $1";
@@ -79,33 +84,36 @@ impl Store {
         let (mut transaction, now) = self.begin().await?;
         let mut gone = Vec::new();
         for table in [JOBS, PAGES] {
-            let delete = sqlx::AssertSqlSafe(format!("DELETE FROM {table} RETURNING id"));
-            let deleted = sqlx::query_scalar(delete).bind(now_ms).fetch_all(&mut *transaction);
-            let deleted: Vec<String> = deleted.await.map_err(backend)?;
-            gone.extend(deleted);
+            let delete = format!("DELETE FROM {table} RETURNING id, tenant");
+            let delete = sqlx::query(sqlx::AssertSqlSafe(delete)).bind(now_ms);
+            let deleted = delete.fetch_all(&mut *transaction).await.map_err(backend)?;
+            gone.extend(all_bytes_of(&deleted)?);
         }
         self.let_go(transaction, gone, &now.uptime).await
     }
 
-    async fn try_make_room(&self, most: u64) -> Result<Vec<JobId>, StoreError> {
+    async fn try_make_room(&self, most: u64) -> Result<Vec<BytesOf>, StoreError> {
         let (mut transaction, now) = self.begin().await?;
         let mut over = stored(&mut transaction, None).await?.saturating_sub(most);
         let mut gone = Vec::new();
-        let oldest: Vec<(String, Option<i64>)> = if over == 0 {
+        let oldest = if over == 0 {
             Vec::new()
         } else {
-            sqlx::query_as(
-                "SELECT id, bytes FROM (
-                     SELECT id, bytes, finished_ms AS at_ms FROM jobs
+            sqlx::query(
+                "SELECT id, tenant, bytes FROM (
+                     SELECT id, tenant, bytes, finished_ms AS at_ms FROM jobs
                      WHERE pinned = 0 AND state IN ('succeeded', 'failed', 'cancelled')
-                     UNION ALL SELECT id, bytes, changed_ms FROM pages WHERE pinned = 0) AS kept
+                     UNION ALL SELECT id, tenant, bytes, changed_ms FROM pages
+                     WHERE pinned = 0) AS kept
                  ORDER BY at_ms, id",
             )
             .fetch_all(&mut *transaction)
             .await
             .map_err(backend)?
         };
-        for (id, bytes) in oldest {
+        for row in oldest {
+            let of = rows::bytes_of(&row).map_err(backend)?;
+            let bytes: Option<i64> = row.try_get("bytes").map_err(backend)?;
             if over == 0 {
                 break;
             }
@@ -114,11 +122,11 @@ impl Store {
                 "DELETE FROM jobs WHERE id = $1 AND pinned = 0",
                 "DELETE FROM pages WHERE id = $1 AND pinned = 0",
             ] {
-                let delete = sqlx::query(sql).bind(&id).execute(&mut *transaction);
+                let delete = sqlx::query(sql).bind(of.id.to_string()).execute(&mut *transaction);
                 delete.await.map_err(backend)?;
             }
             over = over.saturating_sub(bytes.unwrap_or(0).cast_unsigned());
-            gone.push(id);
+            gone.push(of);
         }
         self.let_go(transaction, gone, &now.uptime).await
     }
@@ -131,16 +139,17 @@ impl StorageStore for Store {
         stored(&mut connection, tenant).await
     }
 
-    async fn unmeasured(&self) -> Result<Vec<JobId>, StoreError> {
-        let found: Vec<String> = sqlx::query_scalar(
-            "SELECT id FROM jobs WHERE bytes IS NULL AND state NOT IN ('queued', 'running')
-             UNION ALL SELECT id FROM pages WHERE bytes IS NULL LIMIT $1",
+    async fn unmeasured(&self) -> Result<Vec<BytesOf>, StoreError> {
+        let found = sqlx::query(
+            "SELECT id, tenant FROM jobs
+             WHERE bytes IS NULL AND state NOT IN ('queued', 'running')
+             UNION ALL SELECT id, tenant FROM pages WHERE bytes IS NULL LIMIT $1",
         )
         .bind(i64::from(MEASURED_AT_A_TIME))
         .fetch_all(self.readers())
         .await
         .map_err(backend)?;
-        Ok(found.iter().filter_map(|id| id.parse().ok()).collect())
+        all_bytes_of(&found)
     }
 
     async fn measured(&self, id: JobId, bytes: u64) -> Result<(), StoreError> {
@@ -155,11 +164,11 @@ impl StorageStore for Store {
         transaction.commit().await.map_err(commit_error)
     }
 
-    async fn expire(&self) -> Result<Vec<JobId>, StoreError> {
+    async fn expire(&self) -> Result<Vec<BytesOf>, StoreError> {
         self.insist(|| self.try_expire()).await
     }
 
-    async fn make_room(&self, most: u64) -> Result<Vec<JobId>, StoreError> {
+    async fn make_room(&self, most: u64) -> Result<Vec<BytesOf>, StoreError> {
         self.insist(|| self.try_make_room(most)).await
     }
 }

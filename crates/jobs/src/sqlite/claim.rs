@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
-use super::{SqliteStore, backend, rows};
-use crate::{Claim, JobState, StoreError, Uptime};
+use super::{Connection, SqliteStore, backend, rows};
+use crate::{Claim, StoreError, Uptime};
 
 impl SqliteStore {
     pub(super) async fn try_claim(
@@ -11,54 +11,32 @@ impl SqliteStore {
         worker: &str,
         lease: Duration,
     ) -> Result<Option<Claim>, StoreError> {
-        while let Some(id) = self.next_queued(&self.clock.uptime()).await? {
-            match self.claim_one(&id, worker, lease).await {
-                Ok(Some(claim)) => return Ok(Some(claim)),
+        loop {
+            // Read without the write lock: an idle worker's polling must not stand in the way of
+            // writes.
+            let mut reader = self.readers.acquire().await.map_err(backend)?;
+            if next_queued(&mut reader, &self.clock.uptime()).await?.is_none() {
+                return Ok(None);
+            }
+            drop(reader);
+            // Looked for again under the lock: workers that all went for the one found before
+            // would get it one at a time, and the rest find it gone.
+            let (mut transaction, now) = self.begin().await?;
+            let Some(id) = next_queued(&mut transaction, &now.uptime).await? else {
+                return Ok(None);
+            };
+            match rows::find(&mut transaction, &id).await {
+                Ok(Some(record)) => {
+                    return self.give(transaction, record, worker, lease, &now).await.map(Some);
+                }
                 Ok(None) => {}
-                Err(error @ StoreError::Unreadable(_)) => self.set_aside(&id, &error).await?,
+                Err(error @ StoreError::Unreadable(_)) => {
+                    transaction.rollback().await.map_err(backend)?;
+                    self.set_aside(&id, &error).await?;
+                }
                 Err(error) => return Err(error),
             }
         }
-        Ok(None)
-    }
-
-    /// The next job to claim, read without the write lock: an idle worker's
-    /// polling must not stand in the way of writes.
-    async fn next_queued(&self, now: &Uptime) -> Result<Option<String>, StoreError> {
-        sqlx::query_scalar(
-            "SELECT next FROM (
-                 SELECT served,
-                     (SELECT id FROM jobs
-                      WHERE state = 'queued' AND tenant = tenants.name
-                          AND (boot <> $1 OR not_before_ms <= $2)
-                      ORDER BY priority DESC, rowid LIMIT 1) AS next,
-                     (SELECT count(*) FROM jobs
-                      WHERE state = 'running' AND tenant = tenants.name) AS running,
-                     json_extract(limits, '$.max_running') AS most
-                 FROM tenants)
-             WHERE next IS NOT NULL AND running < coalesce(most, running + 1)
-             ORDER BY running, served LIMIT 1",
-        )
-        .bind(&*now.boot)
-        .bind(now.ms)
-        .fetch_optional(&self.readers)
-        .await
-        .map_err(backend)
-    }
-
-    /// Claims the job if nobody did since it was found.
-    async fn claim_one(
-        &self,
-        id: &str,
-        worker: &str,
-        lease: Duration,
-    ) -> Result<Option<Claim>, StoreError> {
-        let (mut transaction, now) = self.begin().await?;
-        let Some(record) = rows::find(&mut transaction, id).await? else { return Ok(None) };
-        if record.job.state != JobState::Queued || !record.not_before.is_over(&now.uptime) {
-            return Ok(None);
-        }
-        self.give(transaction, record, worker, lease, &now).await.map(Some)
     }
 
     /// A running job whose lease is over, read without the write lock.
@@ -75,4 +53,30 @@ impl SqliteStore {
         .await
         .map_err(backend)
     }
+}
+
+/// The next job to claim.
+async fn next_queued(
+    connection: &mut Connection,
+    now: &Uptime,
+) -> Result<Option<String>, StoreError> {
+    sqlx::query_scalar(
+        "SELECT next FROM (
+                 SELECT served,
+                     (SELECT id FROM jobs
+                      WHERE state = 'queued' AND tenant = tenants.name
+                          AND (boot <> $1 OR not_before_ms <= $2)
+                      ORDER BY priority DESC, rowid LIMIT 1) AS next,
+                     (SELECT count(*) FROM jobs
+                      WHERE state = 'running' AND tenant = tenants.name) AS running,
+                     json_extract(limits, '$.max_running') AS most
+                 FROM tenants)
+             WHERE next IS NOT NULL AND running < coalesce(most, running + 1)
+             ORDER BY running, served LIMIT 1",
+    )
+    .bind(&*now.boot)
+    .bind(now.ms)
+    .fetch_optional(connection)
+    .await
+    .map_err(backend)
 }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use bytes::Bytes;
 use futures::TryStreamExt;
 use jobs::JobId;
-use jobs::bytes::{ByteError, ByteRange, ByteStore, Key};
+use jobs::bytes::{ByteError, ByteRange, ByteStore, BytesOf, Home, Key};
 use object_store::memory::InMemory;
 use testbed::{BUCKET, Fault, S3};
 
@@ -47,8 +47,21 @@ async fn what_is_put_comes_back_whole_or_in_part() {
         assert_eq!(tail.range, 99_990..100_000);
         assert_eq!(collect(tail).await, content[99_990..]);
         assert_eq!(collect(store.stream(&key, None).await.unwrap()).await, content);
-        let outside = store.stream(&key, Some(100_000..100_001)).await;
-        assert!(matches!(outside, Err(ByteError::Range { size: 100_000, .. })));
+        for outside in [100_000..100_001, 7..7] {
+            let outside = store.stream(&key, Some(outside)).await;
+            assert!(matches!(outside, Err(ByteError::Range { size: 100_000, .. })));
+        }
+        let nothing = store.stream(&artifact(JobId::new(), 1), None).await;
+        assert!(matches!(nothing, Err(ByteError::NotFound(_))));
+        // Of more than one piece, and of none.
+        let long = content.repeat(7);
+        let (large, empty) = (artifact(JobId::new(), 1), artifact(JobId::new(), 1));
+        store.put(&large, long.clone().into()).await.unwrap();
+        store.put(&empty, Bytes::new()).await.unwrap();
+        assert_eq!(collect(store.stream(&large, None).await.unwrap()).await, long);
+        let part = store.stream(&large, Some(3..600_000)).await.unwrap();
+        assert_eq!(collect(part).await, long[3..600_000]);
+        assert_eq!(collect(store.stream(&empty, None).await.unwrap()).await, b"");
     }
 }
 
@@ -105,9 +118,56 @@ async fn a_copy_outlives_its_source() {
         let from = Key::Input { job: old, name: "front.png" };
         let to = Key::Input { job: new, name: "front.png" };
         store.put(&from, Bytes::from_static(b"drawing")).await.unwrap();
-        store.copy(&from, &to).await.unwrap();
+        store.copy(&Home::Shared, &from, &to).await.unwrap();
         store.delete_job(old).await.unwrap();
         assert_eq!(store.get(&to).await.unwrap(), "drawing");
+    }
+}
+
+#[tokio::test]
+async fn tenants_have_prefixes_of_their_own() {
+    let (_services, stores) = stores();
+    for store in stores {
+        let (old, new) = (JobId::new(), JobId::new());
+        let homes = ["a", "show-7"].map(|name| Home::Tenant(name.parse().unwrap()));
+        let key = |job| Key::Input { job, name: "front.png" };
+        store.put(&key(old), Bytes::from_static(b"shared")).await.unwrap();
+        // The same name below both prefixes: neither sees the other.
+        for (home, text) in homes.iter().zip(["of a", "of show-7"]) {
+            let own = store.of(home);
+            own.put(&key(new), Bytes::from(text)).await.unwrap();
+            own.copy(&Home::Shared, &key(old), &key(old)).await.unwrap();
+            let mut writer = own.writer(&artifact(new, 1)).await.unwrap();
+            writer.write(Bytes::from(text)).await.unwrap();
+            writer.finish().await.unwrap();
+        }
+        assert!(matches!(store.get(&key(new)).await, Err(ByteError::NotFound(_))));
+        let [a, show] = homes.each_ref().map(|home| store.of(home));
+        assert_eq!(a.get(&key(new)).await.unwrap(), "of a");
+        assert_eq!(show.get(&key(new)).await.unwrap(), "of show-7");
+        assert_eq!(show.get(&key(old)).await.unwrap(), "shared");
+        assert_eq!(collect(a.stream(&artifact(new, 1), Some(0..2)).await.unwrap()).await, b"of");
+        assert_eq!(a.stored(new).await.unwrap(), 8);
+        let all =
+            |ids: [(JobId, &Home); 5]| ids.map(|(id, home)| BytesOf { id, home: home.clone() });
+        let shared = Home::Shared;
+        assert_eq!(
+            store.all().await.unwrap(),
+            all([
+                (old, &shared),
+                (old, &homes[0]),
+                (new, &homes[0]),
+                (old, &homes[1]),
+                (new, &homes[1])
+            ])
+        );
+        // From wherever one looks.
+        assert_eq!(show.all().await.unwrap(), store.all().await.unwrap());
+        a.delete_attempt(new, 1).await.unwrap();
+        a.delete_job(old).await.unwrap();
+        assert_eq!(a.jobs().await.unwrap(), [new]);
+        assert_eq!(show.attempts(new).await.unwrap(), [1]);
+        assert_eq!(store.get(&key(old)).await.unwrap(), "shared");
     }
 }
 

@@ -13,6 +13,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use jiff::Timestamp;
+use jobs::bytes::BytesOf;
 use jobs::{
     Clock, JobId, JobState, JobStore, ListQuery, ManualClock, NewJob, SqliteStore, StoreError,
     SystemClock,
@@ -28,6 +29,11 @@ fn clock() -> Arc<ManualClock> {
 
 async fn open(path: &Path, clock: &Arc<ManualClock>) -> SqliteStore {
     SqliteStore::open(path, Arc::clone(clock) as Arc<dyn Clock>).await.unwrap()
+}
+
+/// The names of what was forgotten.
+fn gone(forgotten: Result<Vec<BytesOf>, StoreError>) -> Vec<JobId> {
+    forgotten.unwrap().into_iter().map(|of| of.id).collect()
 }
 
 fn new_job() -> NewJob {

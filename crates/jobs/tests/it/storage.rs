@@ -3,9 +3,11 @@
 use std::time::Duration;
 
 use jiff::SignedDuration;
+use jobs::bytes::{BytesOf, Home};
 use jobs::{ArtifactEntry, Clock, JobId, NewJob, NewPage, PageQuery, StoreError, Tags, TenantName};
 use serde_json::json;
 
+use crate::gone;
 use crate::suite::{LEASE, Subject, new_page};
 
 impl Subject {
@@ -24,6 +26,47 @@ impl Subject {
     async fn stored(&self) -> u64 {
         self.store.stored_bytes(None).await.unwrap()
     }
+}
+
+/// Where bytes lie is known until they are to be deleted.
+pub(crate) async fn homes_are_told_with_what_is_forgotten(subject: &Subject) {
+    let store = &subject.store;
+    let name: TenantName = "show-7".parse().unwrap();
+    subject.access.create_tenant(&name).await.unwrap();
+    let own = Home::Tenant(name.clone());
+    let of = |id, home: &Home| BytesOf { id, home: home.clone() };
+    let job = |tenant: &TenantName, by_tenant| {
+        let (id, tenant) =
+            (if by_tenant { JobId::new_by_tenant() } else { JobId::new() }, tenant.clone());
+        NewJob { tenant, ..NewJob::new(id, "test", json!({}), 1) }
+    };
+    let ended = async |tenant: &TenantName, by_tenant| {
+        let job = store.enqueue(job(tenant, by_tenant)).await.unwrap();
+        assert_eq!(store.get(job.id).await.unwrap(), job);
+        store.request_cancel(job.id).await.unwrap();
+        assert_eq!(store.get(job.id).await.unwrap().home(), job.home());
+        job
+    };
+    let shared = ended(&name, false).await;
+    let first = ended(&name, true).await;
+    assert_eq!((shared.home(), first.home()), (Home::Shared, own.clone()));
+    let page = NewPage { tenant: name.clone(), ..new_page(JobId::new_by_tenant(), 7) };
+    let page = store.add_page(page).await.unwrap();
+    assert_eq!(store.page(page.id).await.unwrap().home(), own);
+    let forgotten = store.make_room(0).await.unwrap();
+    let expected = [of(shared.id, &Home::Shared), of(first.id, &own), of(page.id, &own)];
+    // Those of the same moment go by their names.
+    assert_eq!(forgotten, expected);
+    // As one that was to be deleted when it ends.
+    let running = store.enqueue(job(&name, true)).await.unwrap();
+    let claim = store.claim("tester", LEASE).await.unwrap().unwrap();
+    assert_eq!(claim.job.home(), own);
+    assert!(store.delete_when_ended(running.id).await.unwrap());
+    store.cancelled(running.id, claim.attempt).await.unwrap();
+    assert_eq!(store.expire().await.unwrap(), [of(running.id, &own)]);
+    // And with its tenant.
+    let last = store.enqueue(job(&name, true)).await.unwrap();
+    assert_eq!(subject.access.delete_tenant(&name).await.unwrap(), [of(last.id, &own)]);
 }
 
 pub(crate) async fn stored_bytes_are_counted_and_bounded(subject: &Subject) {
@@ -72,9 +115,9 @@ pub(crate) async fn pages_go_when_their_time_is_over(subject: &Subject) {
     assert_eq!(listed(None, 10).await, [long, short]);
     assert_eq!(listed(None, 1).await, [long]);
     assert_eq!(listed(Some(long), 10).await, [short]);
-    assert_eq!(store.expire().await.unwrap(), []);
+    assert_eq!(gone(store.expire().await), []);
     subject.clock.advance(Duration::from_secs(3600));
-    assert_eq!(store.expire().await.unwrap(), [short]);
+    assert_eq!(gone(store.expire().await), [short]);
     assert!(store.is_ownerless(short, Duration::ZERO).await.unwrap());
     assert_eq!(listed(None, 10).await, [long]);
 }
@@ -92,11 +135,11 @@ pub(crate) async fn room_is_made_of_the_oldest(subject: &Subject) {
     let last = subject.ended(false).await;
     let waiting = NewJob::new(JobId::new(), "test", json!({}), 1);
     let waiting = store.enqueue(NewJob { bytes: 100, ..waiting }).await.unwrap().id;
-    assert_eq!(store.make_room(500).await.unwrap(), []);
-    assert_eq!(store.make_room(399).await.unwrap(), [first, page]);
+    assert_eq!(gone(store.make_room(500).await), []);
+    assert_eq!(gone(store.make_room(399).await), [first, page]);
     assert!(store.is_ownerless(first, Duration::ZERO).await.unwrap());
     // What waits and what is pinned stays, however much there is.
-    assert_eq!(store.make_room(0).await.unwrap(), [last]);
+    assert_eq!(gone(store.make_room(0).await), [last]);
     assert_eq!(subject.stored().await, 200);
     for stays in [pinned, waiting] {
         store.get(stays).await.unwrap();

@@ -13,7 +13,7 @@ use jobs::{
 };
 use serde_json::json;
 
-use crate::{outbox, storage};
+use crate::{gone, outbox, storage};
 
 pub(crate) const LEASE: Duration = Duration::from_secs(30);
 
@@ -115,6 +115,7 @@ pub(crate) async fn run<F: AsyncFn() -> Subject>(fresh: F) {
     tenants_are_served_in_turn(&fresh().await).await;
     a_tenant_s_jobs_are_its_own(&fresh().await).await;
     keys_are_known_until_they_are_revoked(&fresh().await).await;
+    without_its_keys_it_stays_closed_until_it_is_opened(&fresh().await).await;
     no_two_claimers_get_the_same_job(&fresh().await).await;
     a_lease_lasts_as_long_as_it_is_renewed(&fresh().await).await;
     a_worker_that_lost_its_lease_changes_nothing(&fresh().await).await;
@@ -145,6 +146,7 @@ pub(crate) async fn run<F: AsyncFn() -> Subject>(fresh: F) {
     pages_sent_again_are_stored_once(&fresh().await).await;
     writers_at_the_same_time_leave_no_gap(&fresh().await).await;
     storage::stored_bytes_are_counted_and_bounded(&fresh().await).await;
+    storage::homes_are_told_with_what_is_forgotten(&fresh().await).await;
     storage::pages_go_when_their_time_is_over(&fresh().await).await;
     storage::room_is_made_of_the_oldest(&fresh().await).await;
     secrets_of_the_service_are_made_once(&fresh().await).await;
@@ -375,7 +377,7 @@ async fn a_tenant_s_jobs_are_its_own(subject: &Subject) {
         assert!(matches!(access.delete_tenant(name).await, Err(StoreError::TenantInUse(_))));
     }
     subject.store.succeed(own, 1, Vec::new(), None).await.unwrap();
-    assert_eq!(access.delete_tenant(&other).await.unwrap(), [own]);
+    assert_eq!(gone(access.delete_tenant(&other).await), [own]);
     assert!(matches!(access.delete_tenant(&other).await, Err(StoreError::NoTenant(_))));
     assert!(subject.store.is_ownerless(own, Duration::ZERO).await.unwrap());
     assert_eq!(subject.store.ids().await.unwrap(), [mine]);
@@ -386,12 +388,16 @@ async fn a_tenant_s_jobs_are_its_own(subject: &Subject) {
 async fn keys_are_known_until_they_are_revoked(subject: &Subject) {
     let access = &subject.access;
     assert!(!access.has_keys().await.unwrap());
+    assert!(!access.is_closed().await.unwrap());
     let text = KeyText::generate();
     let new = |name| NewKey { tenant: tenant(name), label: "farm".into(), scope: Scope::Write };
     let refused = access.add_key(&new("nobody"), &text).await;
     assert!(matches!(refused, Err(StoreError::NoTenant(_))));
     let key = access.add_key(&new("default"), &text).await.unwrap();
     assert!(access.has_keys().await.unwrap());
+    assert!(access.is_closed().await.unwrap());
+    assert!(!access.open_to_all().await.unwrap(), "a key is in use");
+    assert!(access.is_closed().await.unwrap());
     assert_eq!(access.authenticate(&text).await.unwrap(), Some(key.clone()));
     // The same id with another secret.
     let forged = format!("{}_{}", text.id(), "0".repeat(64)).parse().unwrap();
@@ -405,6 +411,25 @@ async fn keys_are_known_until_they_are_revoked(subject: &Subject) {
     assert_eq!(access.keys().await.unwrap(), [revoked]);
     assert!(!access.has_keys().await.unwrap());
     assert!(matches!(access.revoke_key("ta_none").await, Err(StoreError::NoKey(_))));
+}
+
+async fn without_its_keys_it_stays_closed_until_it_is_opened(subject: &Subject) {
+    let access = &subject.access;
+    let add = async |name: &str| {
+        let new = NewKey { tenant: tenant(name), label: String::new(), scope: Scope::Admin };
+        access.add_key(&new, &KeyText::generate()).await.unwrap()
+    };
+    let first = add("default").await;
+    access.revoke_key(&first.id).await.unwrap();
+    assert!(access.is_closed().await.unwrap(), "its last key was revoked");
+    assert!(access.open_to_all().await.unwrap());
+    assert!(!access.is_closed().await.unwrap());
+    // A tenant's keys go with it, and leave no row behind.
+    access.create_tenant(&tenant("other")).await.unwrap();
+    add("other").await;
+    access.delete_tenant(&tenant("other")).await.unwrap();
+    assert!(!access.has_keys().await.unwrap());
+    assert!(access.is_closed().await.unwrap(), "its last key went with its tenant");
 }
 
 async fn no_two_claimers_get_the_same_job(subject: &Subject) {
@@ -806,21 +831,21 @@ async fn jobs_go_when_their_time_is_over(subject: &Subject) {
         assert_eq!(subject.claim().await.unwrap().job.id, *id);
         store.succeed(*id, 1, artifacts(), None).await.unwrap();
     }
-    assert_eq!(store.expire().await.unwrap(), []);
+    assert_eq!(gone(store.expire().await), []);
     subject.clock.advance(Duration::from_secs(3600));
     // The one that waits still has not ended.
-    assert_eq!(store.expire().await.unwrap(), [ids[0]]);
+    assert_eq!(gone(store.expire().await), [ids[0]]);
     assert!(store.is_ownerless(ids[0], Duration::ZERO).await.unwrap());
     // One that runs goes when it has ended.
     assert!(!store.delete_when_ended(ids[1]).await.unwrap());
     let running = subject.claim().await.unwrap().job.id;
     assert_eq!(running, ids[2]);
     assert!(store.delete_when_ended(running).await.unwrap());
-    assert_eq!(store.expire().await.unwrap(), []);
+    assert_eq!(gone(store.expire().await), []);
     let beat = store.heartbeat(running, 1, LEASE).await.unwrap();
     assert_eq!(beat, Heartbeat::Held { cancel_requested: true });
     store.cancelled(running, 1).await.unwrap();
-    assert_eq!(store.expire().await.unwrap(), [running]);
+    assert_eq!(gone(store.expire().await), [running]);
     assert_eq!(store.ids().await.unwrap(), [ids[1]]);
 }
 
@@ -916,10 +941,10 @@ async fn pages_are_found_by_what_is_said_of_them(subject: &Subject) {
     let content = store.replace_page(second, 1, json!({}), 0).await.unwrap();
     assert_eq!((content.version, content.tags_version, &content.tags), (2, 1, &tags));
     // It is pinned: neither its time nor want of room takes it.
-    assert_eq!(store.expire().await.unwrap(), []);
-    assert_eq!(store.make_room(0).await.unwrap(), [first]);
+    assert_eq!(gone(store.expire().await), []);
+    assert_eq!(gone(store.make_room(0).await), [first]);
     store.tag_page(second, &Tags { pinned: false, ..tags.clone() }).await.unwrap();
-    assert_eq!(store.expire().await.unwrap(), [second]);
+    assert_eq!(gone(store.expire().await), [second]);
     let gone = store.tag_page(second, &tags).await;
     assert!(matches!(gone, Err(StoreError::NotFound(_))), "{gone:?}");
 }

@@ -24,6 +24,10 @@ const OLD_SAVE: &str = "UPDATE jobs SET state = $2, attempt = $3, attempts_used 
          version = version + 1, summary = NULL, boot = '', troubles = 0
      WHERE id = $1";
 
+/// What it reads jobs and pages with.
+const OLD_READS: [&str; 2] =
+    ["SELECT * FROM jobs WHERE id = $1", "SELECT * FROM pages WHERE id = $1"];
+
 async fn enqueue(old: &mut PgConnection) -> String {
     let id = jobs::JobId::new().to_string();
     sqlx::query(OLD_ENQUEUE).bind(&id).execute(&mut *old).await.unwrap();
@@ -44,12 +48,21 @@ async fn nodes_of_the_version_before_go_on_beside_this_one() {
     before.migrations = ALL.migrations[..count].to_vec().into();
     before.run_direct(None, &mut old, false).await.unwrap();
     let first = enqueue(&mut old).await;
+    let read = async |old: &mut PgConnection| {
+        for table in OLD_READS {
+            sqlx::query(table).bind(&first).fetch_all(&mut *old).await.unwrap();
+        }
+    };
+    // Prepared from now on: another column would break them for good.
+    read(&mut old).await;
 
     // This version starts beside it, and takes over its job.
     let store = PostgresStore::open(&url, &PostgresOptions::default()).await.unwrap();
     let claim = store.claim("new", LEASE).await.unwrap().unwrap();
     assert_eq!(claim.job.id.to_string(), first);
     store.succeed(claim.job.id, claim.attempt, Vec::new(), None).await.unwrap();
+
+    read(&mut old).await;
 
     // The version before goes on: with jobs of its own, and those of this one.
     let second = enqueue(&mut old).await;
