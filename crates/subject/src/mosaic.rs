@@ -1,7 +1,7 @@
 //! Figures put together of painted pieces with seams of paper between them:
 //! charts of muscles, cut paper, stained glass.
 
-use crate::raster::{Bits, Component, Components};
+use crate::raster::{Bits, Component, Components, filled};
 use crate::structure::figure_size;
 
 /// A mosaic has so many pieces.
@@ -14,8 +14,10 @@ const TALLEST: f64 = 0.5;
 const MIDDLE: f64 = 0.25;
 /// With its seams shut it has so little more area.
 const SEAMS: f64 = 0.45;
-/// Seams are shut at the width that joins so much of what the widest join.
-const JOINED: f64 = 0.9;
+/// Seams are shut from the width on that joins so much of the pieces,
+const JOINED: f64 = 0.8;
+/// and this much wider ones as well: seams vary.
+const VARY: f64 = 1.6;
 /// And are at most so wide, share of the figure's size.
 const WIDEST: f64 = 0.02;
 
@@ -82,11 +84,26 @@ fn shut(own: &[usize], parts: &Components, painted: &Bits) -> Option<Bits> {
         }
         let largest = areas.iter().max().copied().unwrap_or(0) as f64;
         if largest >= JOINED * area {
-            let whole = wide.eroded(radius as f32).or(&pieces);
+            let radius = (VARY * radius) as f32;
+            let whole = filled_narrow(&pieces.dilated(radius).eroded(radius).or(&pieces), radius);
             return (whole.count() as f64 <= (1.0 + SEAMS) * area).then_some(whole);
         }
     }
     None
+}
+
+/// Fills holes that vanish when their edge moves in by twice `radius`: where several seams meet.
+fn filled_narrow(bits: &Bits, radius: f32) -> Bits {
+    let holes = filled(bits).and_not(bits);
+    let wide = holes.eroded(2.0 * radius);
+    let parts = holes.components(false);
+    let mut is_wide = vec![false; parts.parts.len()];
+    for (label, _) in
+        parts.labels.iter().zip(&wide.data).filter(|(label, wide)| **label != 0 && **wide)
+    {
+        is_wide[*label as usize - 1] = true;
+    }
+    bits.clone().or(&parts.select(bits.width, |k| !is_wide[k]))
 }
 
 #[cfg(test)]

@@ -3,8 +3,8 @@
 //!
 //! `cargo run --release -p page --example page_accuracy -- [--models DIR]
 //! [--large WIDTHxHEIGHT] [--most N] [--names A,B] [--pages N] [--seed N] [--traits A,B]
-//! [--failures DIR] [--save DIR]`. With traits only pages that have one of them are searched, such as
-//! `guides,ground`. What it saves is what the example `page_drafts` of the service makes drafts of: a
+//! [--only INDEX,INDEX] [--failures DIR] [--save DIR]`. With traits only pages that have one of them
+//! are searched, such as `guides,ground`. What it saves is what the example `page_drafts` of the service makes drafts of: a
 //! folder a page with `page.png`, `views/AZIMUTH.png`, the same drawings alone, `model.obj`, Z up,
 //! and `azimuths.txt`, those of the views in reading order.
 
@@ -80,8 +80,11 @@ fn main() {
     let seed = number("--seed", 1);
     let traits = arguments.get("--traits").map_or("", String::as_str);
     let traits: Vec<&str> = traits.split(',').filter(|name| !name.is_empty()).collect();
+    let only = arguments.get("--only").map_or("", String::as_str);
+    let only: Vec<u64> = only.split(',').filter_map(|text| text.parse().ok()).collect();
     let outcomes: Vec<Outcome> = (0..number("--pages", 300))
         .into_par_iter()
+        .filter(|index| only.is_empty() || only.contains(index))
         .filter_map(|index| {
             let mut random = ChaCha8Rng::seed_from_u64(seed * 1_000_003 + index);
             let subject = &subjects[index as usize % subjects.len()];

@@ -1,6 +1,6 @@
 //! Strokes that go on across a removed line, or meet in it.
 
-use super::{Along, runs};
+use super::{Along, Drawn, runs};
 use crate::raster::{Bits, filled};
 use crate::straight::Line;
 
@@ -9,10 +9,17 @@ const ASIDE_PX: f64 = 2.0;
 
 /// Draws strokes again that go on across removed `lines` or meet in them.
 ///
+/// * `drawn`: as it was before.
 /// * `earlier`: lines that were removed before.
-pub(super) fn restore(ink: &mut Bits, lines: &[Line], earlier: &[Line], stroke_px: f64) {
+pub(super) fn restore(
+    ink: &mut Bits,
+    drawn: &Drawn<'_>,
+    lines: &[Line],
+    earlier: &[Line],
+    stroke_px: f64,
+) {
     lines.iter().for_each(|line| cross(ink, line));
-    lines.iter().for_each(|line| cross_slowly(ink, line, stroke_px));
+    lines.iter().for_each(|line| cross_slowly(ink, drawn, line, stroke_px));
     let all = merged(&[earlier, lines].concat());
     meet(ink, &all, stroke_px);
 }
@@ -21,6 +28,8 @@ pub(super) fn restore(ink: &mut Bits, lines: &[Line], earlier: &[Line], stroke_p
 fn cross(ink: &mut Bits, line: &Line) {
     const REACH: i64 = 3;
     const ASIDE: [i64; 5] = [0, -1, 1, -2, 2];
+    /// Strokes further from each other along the line are two.
+    const ACROSS: i64 = 3;
     let mut view = Along { ink, upright: line.upright };
     let half = line.thickness / 2.0 + 0.3;
     let mut again = Vec::new();
@@ -31,7 +40,9 @@ fn cross(ink: &mut Bits, line: &Line) {
             let near = |aside| (0..REACH).map(move |px| (along + aside, from + way * px));
             ASIDE.into_iter().flat_map(near).find(|(along, across)| view.at(*along, *across))
         };
-        if let (Some(above), Some(below)) = (nearest(low - 1, -1), nearest(high, 1)) {
+        if let (Some(above), Some(below)) = (nearest(low - 1, -1), nearest(high, 1))
+            && (above.0 - below.0).abs() <= ACROSS
+        {
             again.push((above, below));
         }
     }
@@ -40,13 +51,16 @@ fn cross(ink: &mut Bits, line: &Line) {
 
 /// Draws strokes again that went on within a line that was removed before they left it on its
 /// other side.
-fn cross_slowly(ink: &mut Bits, line: &Line, stroke_px: f64) {
+fn cross_slowly(ink: &mut Bits, drawn: &Drawn<'_>, line: &Line, stroke_px: f64) {
     /// Steeper strokes are seen on both sides at once; flatter ones are as good as the line itself.
     const LEANS: std::ops::RangeInclusive<f64> = 1.0..=5.0;
     /// A stroke comes out after so many times the way on which it was when it went in: what
     /// goes in so slowly often bends.
     const WAY: std::ops::RangeInclusive<f64> = 0.5..=1.8;
+    /// Within the line a stroke makes it so much thicker, px.
+    const THICKER_PX: f64 = 0.4;
     let deep = line.thickness + 2.0 * ASIDE_PX;
+    let alone = drawn.thickness_alone(line);
     let mut again = Vec::new();
     for side in [-1.0, 1.0] {
         let others = beside(ink, line, -side);
@@ -65,8 +79,10 @@ fn cross_slowly(ink: &mut Bits, line: &Line, stroke_px: f64) {
                 .iter()
                 .filter(is_aimed_at)
                 .min_by(|a, b| (gap(a) - aim).abs().total_cmp(&(gap(b) - aim).abs()));
-            if let Some(run) = nearest {
-                again.push((start, side, end(run)));
+            let Some(last) = nearest.map(end) else { continue };
+            let (from, to) = (start.min(last) as usize, start.max(last) as usize);
+            if drawn.thickness(line, from, to) >= alone + THICKER_PX {
+                again.push((start, side, last));
             }
         }
     }

@@ -3,8 +3,10 @@
 
 mod closing;
 mod crossing;
+mod drawn;
 
-pub(crate) use closing::{Drawn, close};
+pub(crate) use closing::close;
+pub(crate) use drawn::Drawn;
 
 use crate::raster::Bits;
 use crate::straight::Line;
@@ -30,7 +32,8 @@ pub(crate) fn cut_all(
     let before = ink.clone();
     lines.iter().for_each(|line| cut(ink, line));
     if restored == Restore::Crossings {
-        crossing::restore(ink, lines, earlier, stroke_px);
+        let drawn = Drawn { ink: &before, corner: (0, 0) };
+        crossing::restore(ink, &drawn, lines, earlier, stroke_px);
     } else {
         let drawn = Drawn { ink: &before, corner: (0, 0) };
         close(ink, &before, &drawn, lines, stroke_px);
