@@ -7,6 +7,9 @@ use crate::straight::Line;
 /// Just beside a removed line, px from its edge: what was within is gone with it.
 const ASIDE_PX: f64 = 2.0;
 
+/// A stroke within a line makes it so much thicker, px.
+const THICKER_PX: f64 = 0.9;
+
 /// Draws strokes again that go on across removed `lines` or meet in them.
 ///
 /// * `drawn`: as it was before.
@@ -18,20 +21,24 @@ pub(super) fn restore(
     earlier: &[Line],
     stroke_px: f64,
 ) {
-    lines.iter().for_each(|line| cross(ink, line));
+    lines.iter().for_each(|line| cross(ink, drawn, line));
     lines.iter().for_each(|line| cross_slowly(ink, drawn, line, stroke_px));
     let all = merged(&[earlier, lines].concat());
     meet(ink, &all, stroke_px);
 }
 
 /// Draws strokes again that go on across a line that was removed.
-fn cross(ink: &mut Bits, line: &Line) {
+fn cross(ink: &mut Bits, drawn: &Drawn<'_>, line: &Line) {
     const REACH: i64 = 3;
     const ASIDE: [i64; 5] = [0, -1, 1, -2, 2];
-    /// Strokes further from each other along the line are two.
+    /// Strokes further from each other along the line are two, unless it is thicker between them.
     const ACROSS: i64 = 3;
+    let alone = drawn.thickness_alone(line);
     let mut view = Along { ink, upright: line.upright };
     let half = line.thickness / 2.0 + 0.3;
+    let is_thicker = |a: i64, b: i64| {
+        drawn.thickness(line, a.min(b) as usize, a.max(b) as usize) >= alone + THICKER_PX
+    };
     let mut again = Vec::new();
     for along in line.from as i64..line.to as i64 {
         let middle = line.across(along as usize);
@@ -41,7 +48,7 @@ fn cross(ink: &mut Bits, line: &Line) {
             ASIDE.into_iter().flat_map(near).find(|(along, across)| view.at(*along, *across))
         };
         if let (Some(above), Some(below)) = (nearest(low - 1, -1), nearest(high, 1))
-            && (above.0 - below.0).abs() <= ACROSS
+            && ((above.0 - below.0).abs() <= ACROSS || is_thicker(above.0, below.0))
         {
             again.push((above, below));
         }
@@ -57,8 +64,6 @@ fn cross_slowly(ink: &mut Bits, drawn: &Drawn<'_>, line: &Line, stroke_px: f64) 
     /// A stroke comes out after so many times the way on which it was when it went in: what
     /// goes in so slowly often bends.
     const WAY: std::ops::RangeInclusive<f64> = 0.5..=1.8;
-    /// Within the line a stroke makes it so much thicker, px.
-    const THICKER_PX: f64 = 0.4;
     let deep = line.thickness + 2.0 * ASIDE_PX;
     let alone = drawn.thickness_alone(line);
     let mut again = Vec::new();
