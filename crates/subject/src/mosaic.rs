@@ -33,7 +33,9 @@ pub fn figures(painted: &Bits, reach: f64) -> Bits {
     let near = painted.dilated((reach / 2.0) as f32).components(true);
     let mut pieces: Vec<Vec<usize>> = vec![Vec::new(); near.parts.len()];
     let of = owners(&parts, &near);
-    of.iter().enumerate().for_each(|(k, owner)| pieces[*owner].push(k));
+    for (k, owner) in of.iter().enumerate() {
+        owner.iter().for_each(|owner| pieces[*owner].push(k));
+    }
     for own in pieces.iter().filter(|own| own.len() >= PIECES) {
         if is_mosaic(own, &parts.parts)
             && let Some(whole) = shut(own, &parts, painted)
@@ -44,11 +46,11 @@ pub fn figures(painted: &Bits, reach: f64) -> Bits {
     all
 }
 
-/// Of each part the component of `near`, which covers `parts`, that it lies in.
-fn owners(parts: &Components, near: &Components) -> Vec<usize> {
-    let mut owners = vec![0; parts.parts.len()];
+/// Of each part the component of `near` that it lies in.
+fn owners(parts: &Components, near: &Components) -> Vec<Option<usize>> {
+    let mut owners = vec![None; parts.parts.len()];
     for (label, owner) in parts.labels.iter().zip(&near.labels).filter(|(label, _)| **label != 0) {
-        owners[*label as usize - 1] = *owner as usize - 1;
+        owners[*label as usize - 1] = (*owner as usize).checked_sub(1);
     }
     owners
 }
@@ -80,7 +82,7 @@ fn shut(own: &[usize], parts: &Components, painted: &Bits) -> Option<Bits> {
         for (k, owner) in
             owners(parts, &joined).into_iter().enumerate().filter(|(k, _)| is_own.contains(k))
         {
-            areas[owner] += parts.parts[k].area;
+            owner.iter().for_each(|owner| areas[*owner] += parts.parts[k].area);
         }
         let largest = areas.iter().max().copied().unwrap_or(0) as f64;
         if largest >= JOINED * area {
