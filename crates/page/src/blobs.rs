@@ -23,6 +23,8 @@ const WHOLE: f64 = 0.8;
 const WITHIN: f64 = 0.9;
 const CUT_OFF: f64 = 0.03;
 const ROUNDS: usize = 5;
+/// Pieces of one figure are no further apart, share of the page's longer side.
+const PIECES_APART: f64 = 0.01;
 
 /// A drawing: parts that belong together.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,9 +42,6 @@ pub(crate) struct Blobs {
     /// The bounds of words.
     pub(crate) words: Vec<Box2>,
 }
-
-/// Pieces of one figure are no further apart, share of the page's longer side.
-const PIECES_APART: f64 = 0.01;
 
 /// The owner of letters' pixels.
 pub(crate) const LETTERS: u16 = u16::MAX;

@@ -155,10 +155,10 @@ pub(crate) fn own_edges(
         ink.data[from..from + own.width].copy_from_slice(own.row(y));
     }
     let (left, top) = (left - beyond as i64, top - beyond as i64);
-    let lines: Vec<Line> = lines.iter().filter_map(|line| within(line, &ink, left, top)).collect();
     // Edges of figures beside each other may have been taken for one line, that ends with them.
     let lines: Vec<Line> = lines
-        .into_iter()
+        .iter()
+        .filter_map(|line| within(line, &ink, left, top))
         .map(|line| {
             let from = line.from.saturating_sub(beyond);
             let length = if line.upright { ink.height } else { ink.width };

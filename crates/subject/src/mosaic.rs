@@ -31,11 +31,12 @@ pub fn figures(painted: &Bits, reach: f64) -> Bits {
         return all;
     }
     let near = painted.dilated((reach / 2.0) as f32).components(true);
-    let mut pieces: Vec<Vec<usize>> = vec![Vec::new(); near.parts.len()];
-    let of = owners(&parts, &near);
-    for (k, owner) in of.iter().enumerate() {
-        owner.iter().for_each(|owner| pieces[*owner].push(k));
+    let mut of = vec![0; parts.parts.len()];
+    for (label, owner) in parts.labels.iter().zip(&near.labels).filter(|(label, _)| **label != 0) {
+        of[*label as usize - 1] = *owner as usize;
     }
+    let mut pieces: Vec<Vec<usize>> = vec![Vec::new(); near.parts.len() + 1];
+    of.iter().enumerate().for_each(|(k, owner)| pieces[*owner].push(k));
     for own in pieces.iter().filter(|own| own.len() >= PIECES) {
         if is_mosaic(own, &parts.parts)
             && let Some(whole) = shut(own, &parts, painted)
@@ -44,15 +45,6 @@ pub fn figures(painted: &Bits, reach: f64) -> Bits {
         }
     }
     all
-}
-
-/// Of each part the component of `near` that it lies in.
-fn owners(parts: &Components, near: &Components) -> Vec<Option<usize>> {
-    let mut owners = vec![None; parts.parts.len()];
-    for (label, owner) in parts.labels.iter().zip(&near.labels).filter(|(label, _)| **label != 0) {
-        owners[*label as usize - 1] = (*owner as usize).checked_sub(1);
-    }
-    owners
 }
 
 fn is_mosaic(own: &[usize], parts: &[Component]) -> bool {
@@ -78,12 +70,9 @@ fn shut(own: &[usize], parts: &Components, painted: &Bits) -> Option<Bits> {
     for radius in radii.take_while(|radius| *radius <= widest.max(1.0)) {
         let wide = pieces.dilated(radius as f32);
         let joined = wide.components(true);
-        let mut areas = vec![0; joined.parts.len()];
-        for (k, owner) in
-            owners(parts, &joined).into_iter().enumerate().filter(|(k, _)| is_own.contains(k))
-        {
-            owner.iter().for_each(|owner| areas[*owner] += parts.parts[k].area);
-        }
+        let mut areas = vec![0_usize; joined.parts.len() + 1];
+        let labels = joined.labels.iter().zip(&pieces.data).filter(|(_, is)| **is);
+        labels.for_each(|(label, _)| areas[*label as usize] += 1);
         let largest = areas.iter().max().copied().unwrap_or(0) as f64;
         if largest >= JOINED * area {
             let radius = (VARY * radius) as f32;

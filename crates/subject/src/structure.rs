@@ -86,10 +86,9 @@ impl Structure {
         own.stroke = stroke_of(&lines);
         own.erase(hints, &mut inside);
         if kind == DrawingKind::CutOut {
-            if let Some(whole) = own.mosaic(&inside) {
-                own.bridged = whole.clone().and_not(&inside);
-                inside = inside.or(&whole);
-            }
+            let mosaic = own.mosaic(&inside);
+            own.bridged = mosaic.clone().and_not(&inside);
+            inside = inside.or(&mosaic);
             own.clean(&mut inside, options);
             own.decide_pieces(inside, hints, options);
         } else {
@@ -115,15 +114,10 @@ impl Structure {
         let mosaic = own.mosaic(&painted);
         let drawn_lines = lines.clone();
         own.clean(&mut lines, options);
-        if let Some(whole) = &mosaic {
-            own.keep_all_of(whole, &drawn_lines, &mut lines);
-        }
+        own.keep_all_of(&mosaic, &drawn_lines, &mut lines);
         let around = own.cleared.dilated(2.0);
         painted = painted.and_not(&around);
-        let areas_beside = |stroke: f64| {
-            let areas = painted.opened((1.5 * stroke + 1.0) as f32);
-            mosaic.iter().fold(areas, Bits::or)
-        };
+        let areas_beside = |stroke: f64| painted.opened((1.5 * stroke + 1.0) as f32).or(&mosaic);
         let areas = areas_beside(own.stroke);
         let mut barrier = lines.clone().or(&areas);
         let mut all_over = false;
@@ -133,8 +127,8 @@ impl Structure {
             all_over = coverage(&both, &areas_of_lines) > PAINTED;
             let from = tone.tolerance.max(CLEAR_COLOUR).max(HALO * typical(&colour, &areas));
             let painted = painted.and_not(&above(&colour, from).not());
-            barrier = lines.clone().or(&painted.opened((0.5 * own.stroke).max(1.0) as f32));
-            barrier = mosaic.iter().fold(barrier, Bits::or);
+            let wide = painted.opened((0.5 * own.stroke).max(1.0) as f32);
+            barrier = lines.clone().or(&wide).or(&mosaic);
             own.colour_from = Some(from);
             own.kind = if tone.is_shaded(&areas, factor) {
                 DrawingKind::Shaded
@@ -142,8 +136,7 @@ impl Structure {
                 DrawingKind::Flat
             };
         }
-        let seams = mosaic.map(|whole| whole.and_not(&painted_all));
-        let drawn = seams.iter().fold(barrier.clone(), Bits::and_not);
+        let drawn = barrier.clone().and_not(&mosaic.and_not(&painted_all));
         for side in edges::close(&mut barrier, own.stroke) {
             own.warnings.push(Warning::CutByEdge { side });
         }
@@ -157,13 +150,12 @@ impl Structure {
         own
     }
 
-    /// A figure of painted pieces with seams of paper between them, seams shut, if it is one.
-    fn mosaic(&self, painted: &Bits) -> Option<Bits> {
+    /// A figure of painted pieces with seams of paper between them, seams shut; nothing if it is none.
+    fn mosaic(&self, painted: &Bits) -> Bits {
         let drawn = painted.clone().and_not(&self.cleared);
         let size = drawn.bounds().map_or(1.0, |bounds| figure_size(&bounds));
         let pieces = drawn.opened((PIECE * size).max(1.0) as f32);
-        let whole = mosaic::figures(&pieces, MOSAIC_REACH * size);
-        (whole.count() > 0).then_some(whole)
+        mosaic::figures(&pieces, MOSAIC_REACH * size)
     }
 
     /// Takes back that strokes within `whole`, of which `drawn` are all, are letters or lines.

@@ -4,9 +4,9 @@
 //! `cargo run --release -p page --example page_accuracy -- [--models DIR]
 //! [--large WIDTHxHEIGHT] [--most N] [--names A,B] [--pages N] [--seed N] [--traits A,B]
 //! [--only INDEX,INDEX] [--failures DIR] [--save DIR]`. With traits only pages that have one of them
-//! are searched, such as `guides,ground`. What it saves is what the example `page_drafts` of the service makes drafts of: a
-//! folder a page with `page.png`, `views/AZIMUTH.png`, the same drawings alone, `model.obj`, Z up,
-//! and `azimuths.txt`, those of the views in reading order.
+//! are searched, such as `guides,ground`. What it saves is what the example `page_drafts` of the
+//! service makes drafts of: a folder a page with `page.png`, `views/AZIMUTH.png`, the same drawings
+//! alone, `model.obj`, Z up, and `azimuths.txt`, those of the views in reading order.
 
 mod compose;
 mod models;

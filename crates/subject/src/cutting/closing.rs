@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::{Along, Drawn};
+use super::{Along, Drawn, runs};
 use crate::raster::{Bits, filled};
 use crate::report::Box2;
 use crate::straight::Line;
@@ -16,8 +16,6 @@ const AS_HIGH: f64 = 2.5;
 const BORDERED: f64 = 0.5;
 /// An area as low, of the figure's height from the line on, is closed for less than it may spoil.
 const LOW: f64 = 0.1;
-/// A line along which an edge is drawn is so much thicker, px.
-const THICKER_PX: f64 = 0.9;
 /// Smaller areas are noise, px².
 const LEAST_AREA: usize = 6;
 
@@ -53,10 +51,10 @@ pub(crate) fn close(
 /// Which stretches of a line between strokes are the figure's own edge: all that
 /// must be drawn to close it, but for paper between its feet.
 ///
-/// Where the line is thicker than elsewhere an edge is drawn along it. Of the rest, paper between feet
-/// borders on one stretch alone, on either side of which the
-/// figure stands, and is long or high; the first and last stretches are feet. It is also what lies
-/// between two feet that are closed without the line, and what is low: below a base on castors.
+/// Where the line is thicker than elsewhere an edge is drawn along it. Of the rest, paper between
+/// feet borders on one stretch alone, on either side of which the figure stands, and is long or high;
+/// the first and last stretches are feet. It is also what lies between two feet that are closed
+/// without the line, and what is low: below a base on castors.
 ///
 /// * `all`: `ink` with all stretches drawn again.
 fn figure_stretches(
@@ -96,18 +94,17 @@ fn figure_stretches(
     let own: Vec<Option<usize>> = stretches.iter().map(beside).collect();
     let tall = stretches.first().map_or(0.0, |(contact, _)| extent(ink, line, contact.side));
     let length = |k: usize| (stretches[k].1.from.saturating_sub(stretches[k].0.to)) as f64;
-    let alone = drawn.thickness_alone(line);
+    let is_thicker = drawn.is_thicker(line);
     let is_paper = |k: usize| {
         let Some(region) = own[k] else { return false };
-        let (from, to) = (stretches[k].0.to, stretches[k].1.from);
-        if drawn.thickness(line, from, to) >= alone + THICKER_PX {
+        let (before, behind) = stretches[k];
+        if is_thicker(before.to, behind.from) {
             return false;
         }
         let high = across(&regions.parts[region].bounds);
         if high <= LOW * tall && stretches.len() > 1 {
             return true;
         }
-        let (before, behind) = stretches[k];
         if is_closed(&inside, line, before, -1, stroke_px)
             && is_closed(&inside, line, behind, 1, stroke_px)
         {
@@ -165,17 +162,11 @@ fn contacts(ink: &Bits, line: &Line, stroke_px: f64) -> Vec<Contact> {
         let at = |along: usize, offset: f64| {
             view.at(along as i64, (line.across(along) + side * offset).floor() as i64)
         };
-        let mut runs: Vec<Contact> = Vec::new();
         // What meets the very ends is a frame's other side.
         let end = (offset + line.thickness).ceil() as usize;
-        for along in line.from + end..line.to.saturating_sub(end) {
-            if at(along, offset) {
-                match runs.last_mut() {
-                    Some(run) if run.to + 1 >= along => run.to = along,
-                    _ => runs.push(Contact { from: along, to: along, side }),
-                }
-            }
-        }
+        let between = line.from + end..line.to.saturating_sub(end);
+        let runs = runs(between, |along| at(along, offset)).into_iter();
+        let mut runs: Vec<Contact> = runs.map(|(from, to)| Contact { from, to, side }).collect();
         // Filled areas are their own barrier.
         runs.retain(|run| {
             let long = (run.to - run.from) as f64 >= 4.0 * stroke_px + 4.0;
@@ -220,11 +211,11 @@ fn restore(
     stroke_px: f64,
     stretches: &[(&Contact, &Contact)],
 ) {
+    /// Strokes that end so far from the line end on it, px.
+    const SHORT_PX: i64 = 2;
     let mut copy = before.clone();
     let old = Along { ink: &mut copy, upright: line.upright };
     let mut view = Along { ink, upright: line.upright };
-    /// Strokes that end so far from the line end on it, px.
-    const SHORT_PX: i64 = 2;
     let offset = contact_offset(line, stroke_px);
     for (start, end) in stretches {
         let side = start.side;

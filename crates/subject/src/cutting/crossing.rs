@@ -7,9 +7,6 @@ use crate::straight::Line;
 /// Just beside a removed line, px from its edge: what was within is gone with it.
 const ASIDE_PX: f64 = 2.0;
 
-/// A stroke within a line makes it so much thicker, px.
-const THICKER_PX: f64 = 0.9;
-
 /// Draws strokes again that go on across removed `lines` or meet in them.
 ///
 /// * `drawn`: as it was before.
@@ -33,12 +30,12 @@ fn cross(ink: &mut Bits, drawn: &Drawn<'_>, line: &Line) {
     const ASIDE: [i64; 5] = [0, -1, 1, -2, 2];
     /// Strokes further from each other along the line are two, unless it is thicker between them.
     const ACROSS: i64 = 3;
-    let alone = drawn.thickness_alone(line);
+    let is_thicker = drawn.is_thicker(line);
+    let is_one = |a: i64, b: i64| {
+        (a - b).abs() <= ACROSS || is_thicker(a.min(b) as usize, a.max(b) as usize)
+    };
     let mut view = Along { ink, upright: line.upright };
     let half = line.thickness / 2.0 + 0.3;
-    let is_thicker = |a: i64, b: i64| {
-        drawn.thickness(line, a.min(b) as usize, a.max(b) as usize) >= alone + THICKER_PX
-    };
     let mut again = Vec::new();
     for along in line.from as i64..line.to as i64 {
         let middle = line.across(along as usize);
@@ -48,7 +45,7 @@ fn cross(ink: &mut Bits, drawn: &Drawn<'_>, line: &Line) {
             ASIDE.into_iter().flat_map(near).find(|(along, across)| view.at(*along, *across))
         };
         if let (Some(above), Some(below)) = (nearest(low - 1, -1), nearest(high, 1))
-            && ((above.0 - below.0).abs() <= ACROSS || is_thicker(above.0, below.0))
+            && is_one(above.0, below.0)
         {
             again.push((above, below));
         }
@@ -65,7 +62,7 @@ fn cross_slowly(ink: &mut Bits, drawn: &Drawn<'_>, line: &Line, stroke_px: f64) 
     /// goes in so slowly often bends.
     const WAY: std::ops::RangeInclusive<f64> = 0.5..=1.8;
     let deep = line.thickness + 2.0 * ASIDE_PX;
-    let alone = drawn.thickness_alone(line);
+    let is_thicker = drawn.is_thicker(line);
     let mut again = Vec::new();
     for side in [-1.0, 1.0] {
         let others = beside(ink, line, -side);
@@ -86,7 +83,7 @@ fn cross_slowly(ink: &mut Bits, drawn: &Drawn<'_>, line: &Line, stroke_px: f64) 
                 .min_by(|a, b| (gap(a) - aim).abs().total_cmp(&(gap(b) - aim).abs()));
             let Some(last) = nearest.map(end) else { continue };
             let (from, to) = (start.min(last) as usize, start.max(last) as usize);
-            if drawn.thickness(line, from, to) >= alone + THICKER_PX {
+            if is_thicker(from, to) {
                 again.push((start, side, last));
             }
         }

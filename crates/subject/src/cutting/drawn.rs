@@ -3,6 +3,9 @@
 use crate::raster::Bits;
 use crate::straight::Line;
 
+/// A line along which an edge is drawn, or within which a stroke goes on, is so much thicker, px.
+const THICKER_PX: f64 = 0.9;
+
 /// What was drawn before lines were removed.
 pub(crate) struct Drawn<'a> {
     pub(crate) ink: &'a Bits,
@@ -11,8 +14,17 @@ pub(crate) struct Drawn<'a> {
 }
 
 impl Drawn<'_> {
+    /// Whether a line is thicker between two places along it than it is alone.
+    pub(super) fn is_thicker<'l>(
+        &self,
+        line: &'l Line,
+    ) -> impl Fn(usize, usize) -> bool + use<'_, 'l> {
+        let alone = self.thickness_alone(line);
+        move |from, to| self.thickness(line, from, to) >= alone + THICKER_PX
+    }
+
     /// How thick a line is where nothing is drawn along it, px.
-    pub(super) fn thickness_alone(&self, line: &Line) -> f64 {
+    fn thickness_alone(&self, line: &Line) -> f64 {
         let length = if line.upright { self.ink.height } else { self.ink.width } as i64;
         let shift = if line.upright { self.corner.1 } else { self.corner.0 };
         let mut runs: Vec<usize> = (-shift..length - shift)
@@ -27,7 +39,7 @@ impl Drawn<'_> {
     }
 
     /// How thick a line is between two places along it, on average, px; what crosses it counts little.
-    pub(super) fn thickness(&self, line: &Line, from: usize, to: usize) -> f64 {
+    fn thickness(&self, line: &Line, from: usize, to: usize) -> f64 {
         let runs: Vec<usize> =
             (from as i64 + 1..to as i64).map(|along| self.run(line, along)).collect();
         runs.iter().sum::<usize>() as f64 / runs.len().max(1) as f64

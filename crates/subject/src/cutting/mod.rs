@@ -31,12 +31,10 @@ pub(crate) fn cut_all(
 ) {
     let before = ink.clone();
     lines.iter().for_each(|line| cut(ink, line));
-    if restored == Restore::Crossings {
-        let drawn = Drawn { ink: &before, corner: (0, 0) };
-        crossing::restore(ink, &drawn, lines, earlier, stroke_px);
-    } else {
-        let drawn = Drawn { ink: &before, corner: (0, 0) };
-        close(ink, &before, &drawn, lines, stroke_px);
+    let drawn = Drawn { ink: &before, corner: (0, 0) };
+    match restored {
+        Restore::Crossings => crossing::restore(ink, &drawn, lines, earlier, stroke_px),
+        Restore::Best => close(ink, &before, &drawn, lines, stroke_px),
     }
 }
 
