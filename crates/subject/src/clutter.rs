@@ -37,6 +37,10 @@ const PAGE_GUIDE_LENGTH: f64 = 0.25;
 const PAGE_ALONE: f64 = 0.12;
 const PAGE_ALONE_LENGTH: f64 = 0.06;
 const PAGE_DRAWN: f64 = 0.96;
+/// How much of a line is alone that spans the page, shows in so many stretches and goes on alone
+/// beyond the first and the last figure: wide figures leave little of it bare.
+const SPANS_ALONE_LENGTH: f64 = 0.03;
+const SPANS_STRETCHES: usize = 3;
 /// A figure's strokes are at most so many times as wide as the lines that were removed.
 const WIDEST_STROKE: f64 = 3.0;
 /// So much of a removed line beyond a figure is drawn again to look for its edges, px.
@@ -204,7 +208,7 @@ fn within(line: &Line, cut: &Bits, left: i64, top: i64) -> Option<Line> {
 fn page_lines_of(ink: &Bits) -> Vec<Line> {
     let mut lines = lines_of(ink);
     let limits = limits(ink);
-    let least = |length: usize| (PAGE_ALONE_LENGTH * length as f64) as usize + 1;
+    let least = |length: usize| (SPANS_ALONE_LENGTH * length as f64) as usize + 1;
     let mut rows = level_rows(ink, &limits, least(ink.width), false);
     rows.extend(level_rows(&transposed(ink), &limits, least(ink.height), true));
     rows.retain(|row| {
@@ -296,13 +300,22 @@ fn page_kind_of(line: &Line, ink: &Bits, drawn: &Bits) -> Option<RemovedKind> {
     let alone = line.alone.iter().filter(|is| **is).count() as f64;
     let free = line.ahead.iter().filter(|px| **px > 0).count();
     let ends = free == 2 || (free == 1 && long >= 0.5 * page) || long >= 0.8 * page;
-    let is_alone = alone >= PAGE_ALONE * long && alone >= PAGE_ALONE_LENGTH * page;
+    let is_alone = (alone >= PAGE_ALONE * long && alone >= PAGE_ALONE_LENGTH * page)
+        || (alone >= SPANS_ALONE_LENGTH * page && spans_page(line, page));
     if long < PAGE_GUIDE_LENGTH * page || !is_alone || !ends || !is_drawn_along(line, drawn) {
         let loose = kind_of(line, ink).filter(|_| is_drawn_along(line, drawn));
         return loose.filter(|kind| *kind == RemovedKind::DimensionLine);
     }
     let ground = !line.upright && is_bare_just_below(line, ink);
     Some(if ground { RemovedKind::GroundLine } else { RemovedKind::Guide })
+}
+
+/// Whether a line goes from one side of a page of length `page` to the other, shows in several
+/// stretches, and the first and the last are its ends.
+fn spans_page(line: &Line, page: f64) -> bool {
+    let stretches = line.alone.chunk_by(|a, b| a == b).filter(|run| run[0] && run.len() > 2);
+    let ends_alone = line.overhangs().iter().all(|px| *px > 2);
+    line.length() as f64 >= 0.8 * page && ends_alone && stretches.count() >= SPANS_STRETCHES
 }
 
 /// Whether a line, or what it may go on behind, is drawn nearly all along.
@@ -473,6 +486,38 @@ mod tests {
         let area = filled(&cleaned.ink).count() as f64;
         let round = std::f64::consts::PI * 80.0 * 80.0 * rings as f64;
         assert!(area > 0.95 * round, "{area} of {round}");
+    }
+
+    /// Painted blocks close beside each other, and a line through them from `from` to `to`.
+    fn close_blocks(from: i64, to: i64) -> (Bits, Bits) {
+        let (mut ink, mut drawn) = (Bits::filled(700, 160, false), Bits::filled(700, 160, false));
+        for x in 0..700_i64 {
+            let aside = (x - 20).rem_euclid(132);
+            let in_block = (20..680).contains(&x) && aside < 124;
+            for y in 0..160_i64 {
+                let is_edge =
+                    in_block && (!(2..122).contains(&aside) || [30, 31, 128, 129].contains(&y));
+                let is_block = in_block && (30..130).contains(&y);
+                let on_line = (from..to).contains(&x) && (70..72).contains(&y);
+                ink.set(x, y, is_block && is_edge || on_line && !is_block);
+                drawn.set(x, y, is_block || on_line);
+            }
+        }
+        (ink, drawn)
+    }
+
+    #[test]
+    fn a_guide_of_which_little_shows_between_wide_figures_goes() {
+        let cleaned = |from, to| {
+            let (ink, drawn) = close_blocks(from, to);
+            without_page_lines(&ink, &drawn, 2.0, &CleanOptions::default())
+        };
+        let guide = cleaned(6, 694);
+        assert_eq!(guide.removed.len(), 1, "{:?}", guide.removed);
+        let parts = guide.ink.components(true).parts;
+        assert_eq!(parts.iter().filter(|part| part.bounds.width() > 120).count(), 5);
+        // What begins and ends in a figure is of them: a rail.
+        assert!(cleaned(40, 660).removed.is_empty());
     }
 
     #[test]
