@@ -2,6 +2,7 @@
 
 use artifacts::{Artifact, ArtifactName, CleanArtifact};
 use drawing::PageDrawing;
+use frames::{Azimuth, Elevation};
 use image::DynamicImage;
 use picture::{dynamic_png, png};
 use sheet::{HoleDocument, SheetDocument, ViewDocument};
@@ -33,9 +34,15 @@ pub(super) fn cleaned(
         if let Some(given) = &view.mask {
             files.push(Artifact::new(named(mask), png(given)?));
         }
+        let same = |view: &&ViewDocument| {
+            Azimuth::from_degrees(view.azimuth_deg).ok() == Some(own.azimuth)
+                && Elevation::from_degrees(view.elevation_deg.unwrap_or(0.0)).ok()
+                    == Some(own.elevation)
+        };
         described.push(ViewDocument {
             image: image.file_name(),
             azimuth_deg: own.azimuth.degrees(),
+            azimuth_confidence: document.views.iter().find(same).and_then(|v| v.azimuth_confidence),
             elevation_deg: Some(own.elevation.degrees()),
             mask: view.mask.as_ref().map(|_| mask.file_name()),
             mask_with_outline: view.mask.is_some() && view.mask_was_found,

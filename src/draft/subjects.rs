@@ -177,8 +177,9 @@ pub(super) fn prepare(
     observer.check()?;
     let mut warnings: Vec<String> = Vec::new();
     if let Some(view) = views.first().filter(|view| view.change.reduction > 1.0) {
+        let digits = if view.change.reduction < 1.01 { 4 } else { 2 };
         warnings.push(format!(
-            "the drawings are larger than {} megapixels and were reduced by {:.2}; places in \
+            "the drawings are larger than {} megapixels and were reduced by {:.digits$}; places in \
              warnings and maps are in the reduced drawings' pixels (sheet.max_megapixels)",
             options.sheet.max_megapixels, view.change.reduction
         ));

@@ -79,7 +79,7 @@ pub(crate) fn without_frame(ink: &Bits, stroke_px: f64) -> Cleaned {
 ///
 /// * `stroke_px`: the width of the drawing's strokes.
 pub(crate) fn without_lines(ink: &Bits, stroke_px: f64, options: &CleanOptions) -> Cleaned {
-    without(ink, stroke_px, options, Restore::Best, &lines_of, &kind_of)
+    without(ink, stroke_px, options, Restore::Best, &view_lines_of, &kind_of)
 }
 
 /// Removes straight lines that are of none of the figures on a page.
@@ -109,6 +109,7 @@ fn without(
         return cleaned;
     }
     let mut earlier: Vec<Line> = Vec::new();
+    let mut rounds = 0;
     for _ in 0..2 {
         let wanted = |kind: &RemovedKind| match kind {
             RemovedKind::GroundLine => options.ground.is_on(),
@@ -130,7 +131,13 @@ fn without(
         cleaned.removed.extend(found.iter().map(place));
         let lines: Vec<Line> = found.into_iter().map(|(line, _)| line).collect();
         cut_all(&mut cleaned.ink, &lines, &earlier, stroke_px, restored);
+        rounds += 1;
         earlier.extend(lines);
+    }
+    // What the first lines left open may be closed only now that the others are gone.
+    if restored == Restore::Best && rounds > 1 {
+        let drawn = Drawn { ink, corner: (0, 0) };
+        close(&mut cleaned.ink, ink, &drawn, &earlier, stroke_px);
     }
     cleaned.lines = earlier;
     cleaned
@@ -203,10 +210,24 @@ fn within(line: &Line, cut: &Bits, left: i64, top: i64) -> Option<Line> {
     is_on_it.then(|| Line { from: from as usize, to: to as usize, at, ..line.clone() })
 }
 
+/// As [`lines_of`], and level and upright lines that are thicker where edges lie on them.
+fn view_lines_of(ink: &Bits) -> Vec<Line> {
+    let mut lines = lines_of(ink);
+    let rows = rows_of(ink, &lines);
+    lines.extend(rows.into_iter().filter(|row| is_drawn_along(row, ink)));
+    lines
+}
+
 /// As [`lines_of`], and level and upright lines of which only short stretches
 /// show between figures.
 fn page_lines_of(ink: &Bits) -> Vec<Line> {
     let mut lines = lines_of(ink);
+    lines.extend(rows_of(ink, &lines));
+    lines
+}
+
+/// Exactly level and upright lines by their rows alone, that are not among `lines`.
+fn rows_of(ink: &Bits, lines: &[Line]) -> Vec<Line> {
     let limits = limits(ink);
     let least = |length: usize| (SPANS_ALONE_LENGTH * length as f64) as usize + 1;
     let mut rows = level_rows(ink, &limits, least(ink.width), false);
@@ -219,8 +240,7 @@ fn page_lines_of(ink: &Bits) -> Vec<Line> {
         };
         !lines.iter().any(same)
     });
-    lines.extend(rows);
-    lines
+    rows
 }
 
 fn lines_of(ink: &Bits) -> Vec<Line> {
@@ -445,6 +465,57 @@ mod tests {
         let whole = filled(&cleaned.ink).count() as f64;
         let clean = filled(&feet(false)).count() as f64;
         assert!((whole / clean - 1.0).abs() < 0.01, "{whole} {clean}");
+    }
+
+    /// A box with a thinner line along its top, one along its bottom and one down its middle, each
+    /// `px` thick.
+    fn boxed(px: i64) -> Bits {
+        let mut ink = Bits::filled(600, 360, false);
+        for x in 0..600_i64 {
+            for y in 0..360_i64 {
+                let in_box = (200..400).contains(&x) && (60..300).contains(&y);
+                let within = (203..397).contains(&x) && (63..297).contains(&y);
+                let level = (60..60 + px).contains(&y) || (300 - px..300).contains(&y);
+                let upright = (300..300 + px).contains(&x);
+                ink.set(x, y, (in_box && !within) || ((level || upright) && px > 0));
+            }
+        }
+        ink
+    }
+
+    #[test]
+    fn a_box_with_guides_along_two_edges_and_through_it_stays_closed() {
+        let area = filled(&boxed(0)).count() as f64;
+        // Thinner than the edges, which tells these, and as thick.
+        for px in [1, 2, 3] {
+            let cleaned = without_lines(&boxed(px), 3.0, &CleanOptions::default());
+            assert_eq!(cleaned.removed.len(), 3, "{px}: {:?}", cleaned.removed);
+            let found = filled(&cleaned.ink).count() as f64;
+            assert!((found / area - 1.0).abs() < 0.03, "{px}: {found} of {area}");
+        }
+    }
+
+    #[test]
+    fn paper_between_feet_whose_soles_are_drawn_stays_paper() {
+        let legs = |ground: bool| {
+            let mut ink = Bits::filled(500, 320, false);
+            for (x, y) in (0..500_i64).flat_map(|x| (0..320_i64).map(move |y| (x, y))) {
+                let body = (150..350).contains(&x) && (60..260).contains(&y);
+                let between = (180..320).contains(&x) && y >= 120;
+                let inset = |d: i64| {
+                    (150 + d..350 - d).contains(&x)
+                        && (60 + d..260 - d).contains(&y)
+                        && !((180 - d..320 + d).contains(&x) && y >= 120 - d)
+                };
+                let on_ground = ground && (40..460).contains(&x) && (259..261).contains(&y);
+                ink.set(x, y, (body && !between && !inset(3)) || on_ground);
+            }
+            ink
+        };
+        let cleaned = without_lines(&legs(true), 3.0, &CleanOptions::default());
+        assert_eq!(cleaned.removed.len(), 1);
+        let (found, whole) = (filled(&cleaned.ink).count(), filled(&legs(false)).count());
+        assert!(found.abs_diff(whole) * 50 < whole, "{found} of {whole}");
     }
 
     #[test]

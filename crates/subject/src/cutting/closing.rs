@@ -16,6 +16,8 @@ const AS_HIGH: f64 = 2.5;
 const BORDERED: f64 = 0.5;
 /// An area as low, of the figure's height from the line on, is closed for less than it may spoil.
 const LOW: f64 = 0.1;
+/// Strokes on either side of a line so near each other along it are one that crosses it, px.
+const CROSSING: usize = 3;
 /// Smaller areas are noise, px².
 const LEAST_AREA: usize = 6;
 
@@ -30,21 +32,77 @@ pub(crate) fn close(
     lines: &[Line],
     stroke_px: f64,
 ) {
-    for line in lines {
-        let runs = contacts(ink, line, stroke_px);
-        let stretches: Vec<(&Contact, &Contact)> = runs.iter().zip(runs.iter().skip(1)).collect();
-        if stretches.is_empty() {
-            continue;
-        }
-        let draw = |ink: &mut Bits, is: &dyn Fn(usize) -> bool| {
-            let chosen = stretches.iter().enumerate().filter(|(k, _)| is(*k));
-            let chosen: Vec<_> = chosen.map(|(_, pair)| *pair).collect();
-            restore(ink, before, line, stroke_px, &chosen);
-        };
+    lines.iter().for_each(|line| redraw_edges(ink, drawn, line, stroke_px));
+    let chosen = |ink: &Bits, edge: &Edge<'_>| -> Vec<bool> {
         let mut all = ink.clone();
-        draw(&mut all, &|_| true);
-        let figure = figure_stretches(ink, &all, drawn, line, stroke_px, &stretches);
-        draw(ink, &|k| figure[k]);
+        restore(&mut all, before, edge.line, stroke_px, &edge.stretches());
+        figure_stretches(ink, &all, drawn, edge, stroke_px)
+    };
+    let draw = |ink: &mut Bits, edge: &Edge<'_>, chosen: &[bool]| {
+        let stretches = edge.stretches().into_iter().zip(chosen);
+        let stretches: Vec<_> = stretches.filter(|(_, is)| **is).map(|(pair, _)| pair).collect();
+        restore(ink, before, edge.line, stroke_px, &stretches);
+    };
+    let mut open: Vec<Edge<'_>> = Vec::new();
+    for line in lines {
+        for edge in edges(ink, drawn, line, stroke_px) {
+            let chosen = chosen(ink, &edge);
+            draw(ink, &edge, &chosen);
+            if chosen.contains(&false) {
+                open.push(edge);
+            }
+        }
+    }
+    if open.len() < 2 {
+        return;
+    }
+    // A box whose top and bottom are on two lines is closed by neither alone.
+    let alone = ink.clone();
+    for (k, edge) in open.iter().enumerate() {
+        let mut with_others = alone.clone();
+        for (_, other) in open.iter().enumerate().filter(|(other, _)| *other != k) {
+            restore(&mut with_others, before, other.line, stroke_px, &other.stretches());
+        }
+        let chosen = chosen(&with_others, edge);
+        draw(ink, edge, &chosen);
+    }
+}
+
+/// Draws those stretches of a line again along which an edge is drawn, if the figure's strokes come
+/// to both of their ends: a neighbour's edge is not its own.
+fn redraw_edges(ink: &mut Bits, drawn: &Drawn<'_>, line: &Line, stroke_px: f64) {
+    let least = (2.0 * stroke_px).max(6.0) as usize;
+    let near = (2.0 * stroke_px).ceil() as usize + 3;
+    let reach = (line.thickness / 2.0 + stroke_px + 3.0).ceil() as i64;
+    let own = ink.clone();
+    let is_own = |end: usize| {
+        (end.saturating_sub(near)..=end + near).any(|along| {
+            let (along, middle) = (along as i64, line.across(along).floor() as i64);
+            (middle - reach..=middle + reach).any(|across| match line.upright {
+                true => own.at(across, along),
+                false => own.at(along, across),
+            })
+        })
+    };
+    for (from, to) in drawn.edges_along(line, least) {
+        if is_own(from) && is_own(to) {
+            (from..=to).for_each(|along| drawn.draw_again(line, along, ink));
+        }
+    }
+}
+
+/// Where strokes end on a line from one side.
+struct Edge<'a> {
+    line: &'a Line,
+    contacts: Vec<Contact>,
+    /// Whether strokes end on it from the other side too.
+    is_shared: bool,
+}
+
+impl Edge<'_> {
+    /// What lies between contacts that follow each other.
+    fn stretches(&self) -> Vec<(&Contact, &Contact)> {
+        self.contacts.iter().zip(self.contacts.iter().skip(1)).collect()
     }
 }
 
@@ -61,10 +119,10 @@ fn figure_stretches(
     ink: &Bits,
     all: &Bits,
     drawn: &Drawn<'_>,
-    line: &Line,
+    edge: &Edge<'_>,
     stroke_px: f64,
-    stretches: &[(&Contact, &Contact)],
 ) -> Vec<bool> {
+    let (line, stretches) = (edge.line, edge.stretches());
     let inside = filled(ink);
     let gained = filled(all).and_not(&inside).and_not(all);
     let regions = gained.components(false);
@@ -101,13 +159,20 @@ fn figure_stretches(
         if is_thicker(before.to, behind.from) {
             return false;
         }
+        if edge.is_shared {
+            return true;
+        }
         let high = across(&regions.parts[region].bounds);
         if high <= LOW * tall && stretches.len() > 1 {
             return true;
         }
-        if is_closed(&inside, line, before, -1, stroke_px)
-            && is_closed(&inside, line, behind, 1, stroke_px)
-        {
+        // A foot is closed without the line or by an edge that is drawn along it.
+        let is_foot = |contact: &Contact, way: i64, next: Option<&(&Contact, &Contact)>| {
+            is_closed(&inside, line, contact, way, stroke_px)
+                || next.is_some_and(|(from, to)| is_thicker(from.to, to.from))
+        };
+        let (last, next) = (k.checked_sub(1).map(|k| &stretches[k]), stretches.get(k + 1));
+        if is_foot(before, -1, last) && is_foot(behind, 1, next) {
             return true;
         }
         let alone = own.iter().filter(|other| **other == Some(region)).count() == 1;
@@ -148,14 +213,18 @@ fn is_closed(inside: &Bits, line: &Line, contact: &Contact, way: i64, stroke_px:
         let run = (0..).take_while(|step| at(far + way * step, d)).count();
         // Neither a stroke that leans nor one that stands goes on so far both ways.
         let thick = (0..run as i64).filter(|step| at(far + way * step, d + deep)).count();
-        run > (contact.to - contact.from) + deep && thick > deep
+        let long = contact.to - contact.from;
+        // What is drawn along the line, a sole, has the figure above it.
+        let is_sole = long > 2 * deep && run >= long && thick > deep;
+        is_sole || (run > long + deep && thick > deep)
     })
 }
 
-/// Where strokes meet a line, as runs along it, if they come from one side only.
-fn contacts(ink: &Bits, line: &Line, stroke_px: f64) -> Vec<Contact> {
+/// Where strokes end on a line, from either side; what crosses it does not end on it.
+fn edges<'a>(ink: &Bits, drawn: &Drawn<'_>, line: &'a Line, stroke_px: f64) -> Vec<Edge<'a>> {
     let mut copy = ink.clone();
     let view = Along { ink: &mut copy, upright: line.upright };
+    let is_thicker = drawn.is_thicker(line);
     let offset = contact_offset(line, stroke_px);
     let deeper = offset + 2.0 * stroke_px + 1.0;
     let of_side = |side: f64| {
@@ -173,10 +242,10 @@ fn contacts(ink: &Bits, line: &Line, stroke_px: f64) -> Vec<Contact> {
             let filled = (run.from..=run.to).filter(|along| at(*along, deeper)).count();
             !long || filled * 2 < run.to - run.from
         });
-        // Two strokes of one edge are no two feet.
+        // Two strokes of one edge are no two feet; they are one if an edge is drawn between them.
         let double = (3.0 * stroke_px + 1.0) as usize;
         runs.dedup_by(|next, run| {
-            let is_double = next.from - run.to <= double;
+            let is_double = next.from - run.to <= double && !is_thicker(run.to, next.from);
             if is_double {
                 run.to = next.to;
             }
@@ -185,14 +254,20 @@ fn contacts(ink: &Bits, line: &Line, stroke_px: f64) -> Vec<Contact> {
         runs
     };
     let (above, below) = (of_side(-1.0), of_side(1.0));
-    match (above.is_empty(), below.is_empty()) {
-        (false, true) => above,
-        (true, false) => below,
-        _ => Vec::new(),
-    }
+    let ending = |own: &[Contact], other: &[Contact]| -> Vec<Contact> {
+        let crosses = |contact: &&Contact| {
+            other.iter().any(|o| o.from <= contact.to + CROSSING && contact.from <= o.to + CROSSING)
+        };
+        own.iter().filter(|contact| !crosses(contact)).copied().collect()
+    };
+    let sides = [ending(&above, &below), ending(&below, &above)];
+    let is_shared = sides.iter().all(|contacts| !contacts.is_empty());
+    let sides = sides.into_iter().filter(|contacts| contacts.len() > 1);
+    sides.map(|contacts| Edge { line, contacts, is_shared }).collect()
 }
 
 /// A stroke that meets a line from `side`, -1 before it and 1 behind.
+#[derive(Clone, Copy)]
 struct Contact {
     from: usize,
     to: usize,

@@ -1,5 +1,6 @@
 //! How thick removed lines were drawn: an edge along one makes it thicker.
 
+use super::runs;
 use crate::raster::Bits;
 use crate::straight::Line;
 
@@ -21,6 +22,40 @@ impl Drawn<'_> {
     ) -> impl Fn(usize, usize) -> bool + use<'_, 'l> {
         let alone = self.thickness_alone(line);
         move |from, to| self.thickness(line, from, to) >= alone + THICKER_PX
+    }
+
+    /// Stretches of a line along which an edge is drawn, each at least `least` px long without what
+    /// crosses it there.
+    pub(super) fn edges_along(&self, line: &Line, least: usize) -> Vec<(usize, usize)> {
+        let enough = self.thickness_alone(line) + THICKER_PX;
+        let most = self.most(line);
+        let thick: Vec<Option<bool>> = (line.from..line.to)
+            .map(|along| self.run(line, along as i64))
+            .map(|run| (run < most).then_some(run as f64 >= enough))
+            .collect();
+        // A pixel or two of noise end no edge.
+        let is_edge = |at: usize| {
+            let near = &thick[at.saturating_sub(2)..(at + 3).min(thick.len())];
+            let count = |is| near.iter().filter(|thick| **thick == Some(is)).count();
+            count(true) > count(false) || (count(false) == 0 && count(true) == 0)
+        };
+        let stretches = runs(0..thick.len(), is_edge).into_iter();
+        stretches
+            .filter(|(from, to)| {
+                thick[*from..=*to].iter().filter(|thick| **thick == Some(true)).count() >= least
+            })
+            .map(|(from, to)| (from + line.from, to + line.from))
+            .collect()
+    }
+
+    /// Draws what was drawn on a line in one place again, on a raster of its own corner.
+    pub(super) fn draw_again(&self, line: &Line, along: usize, to: &mut Bits) {
+        let Some((low, high)) = self.span(line, along as i64) else { return };
+        for across in low..=high {
+            let along = along as i64;
+            let (x, y) = if line.upright { (across, along) } else { (along, across) };
+            to.set(x, y, true);
+        }
     }
 
     /// How thick a line is where nothing is drawn along it, px.
@@ -47,18 +82,26 @@ impl Drawn<'_> {
 
     /// The pixels drawn across a line in one place, px.
     fn run(&self, line: &Line, along: i64) -> usize {
+        let span = self.span(line, along);
+        span.map_or(0, |(low, high)| (high - low + 1) as usize).min(self.most(line))
+    }
+
+    /// What is thicker crosses a line, px.
+    fn most(&self, line: &Line) -> usize {
+        2 * (line.thickness.ceil() as usize + 1) + 1
+    }
+
+    /// The first and the last pixel of those drawn across a line in one place.
+    fn span(&self, line: &Line, along: i64) -> Option<(i64, i64)> {
         let middle = (line.at + line.slope * (along - line.from as i64) as f64).floor() as i64;
         let reach = line.thickness.ceil() as i64 + 1;
         let at = |across: i64| {
             let (x, y) = if line.upright { (across, along) } else { (along, across) };
             self.ink.at(x + self.corner.0, y + self.corner.1)
         };
-        let Some(start) = (0..=reach).flat_map(|d| [middle - d, middle + d]).find(|y| at(*y))
-        else {
-            return 0;
-        };
-        let most = 2 * reach + 1;
-        let run = |way: i64| (1..=most).take_while(|d| at(start + way * d)).count();
-        (1 + run(-1) + run(1)).min(most as usize)
+        let start = (0..=reach).flat_map(|d| [middle - d, middle + d]).find(|y| at(*y))?;
+        let most = self.most(line) as i64;
+        let run = |way: i64| (1..=most).take_while(|d| at(start + way * d)).count() as i64;
+        Some((start - run(-1), start + run(1)))
     }
 }

@@ -34,7 +34,10 @@ pub(crate) fn cut_all(
     let drawn = Drawn { ink: &before, corner: (0, 0) };
     match restored {
         Restore::Crossings => crossing::restore(ink, &drawn, lines, earlier, stroke_px),
-        Restore::Best => close(ink, &before, &drawn, lines, stroke_px),
+        Restore::Best => {
+            crossing::restore(ink, &drawn, lines, earlier, stroke_px);
+            close(ink, &before, &drawn, lines, stroke_px);
+        }
     }
 }
 
