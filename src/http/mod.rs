@@ -8,6 +8,7 @@ mod access;
 mod artifacts;
 mod bare;
 mod body;
+mod bounded;
 mod conditional;
 mod drawn_pages;
 mod events;
