@@ -6,8 +6,8 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use futures::future::join_all;
-use jobs::bytes::ByteStore;
-use jobs::{EventKind, JobId, JobState, JobStore, PostgresOptions, PostgresStore};
+use jobs::bytes::{ByteStore, Key};
+use jobs::{ArtifactEntry, EventKind, JobId, JobState, JobStore, PostgresOptions, PostgresStore};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 use testbed::{Durability, Farm};
@@ -123,6 +123,37 @@ async fn nodes_are_one_service() {
     assert_eq!(part.status(), 206);
     assert_eq!(part.bytes().await.unwrap(), whole[10..100]);
     assert_eq!(std::fs::read_dir(farm.folder.path()).unwrap().count(), 0, "a file was left");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn downloads_are_redirected_to_the_bucket_when_it_is_told_so() {
+    let farm = farm();
+    let plain = api(&farm);
+    let mut command = command(&farm, "serve");
+    command.args(["--listen", "127.0.0.1:0", "--workers", "0", "--download-redirects", "60"]);
+    command.args(["--download-endpoint", &farm.s3.endpoint().replace("127.0.0.1", "localhost")]);
+    let redirecting = Process::spawn(command);
+    let (_, job) = plain.upload().await;
+    // Played by the test, for artifacts of a known size.
+    let (store, name) = (store(&farm).await, "solid.glb");
+    let claim = store.claim("test", PATIENCE).await.unwrap().unwrap();
+    let (id, attempt) = (claim.job.id, claim.attempt);
+    assert_eq!(id.to_string(), job["id"]);
+    let content: Vec<u8> = (0..300_000u32).map(|i| (i % 251) as u8).collect();
+    let bytes = ByteStore::s3(&farm.store(), farm.s3.environment()).unwrap();
+    let key = Key::Artifact { job: id, attempt, name };
+    bytes.put(&key, content.clone().into()).await.unwrap();
+    let sha256 = hex::encode(Sha256::digest(&content));
+    let (name, media_type) = (name.to_owned(), "model/gltf-binary".to_owned());
+    let entry = ArtifactEntry { name, media_type, bytes: 300_000, sha256 };
+    store.succeed(id, attempt, vec![entry], None).await.unwrap();
+    let path = format!("/v1/reconstructions/{id}/artifacts/solid.glb");
+    for (node, from) in [(&plain, "127.0.0.1"), (&redirecting, "localhost")] {
+        let sent = node.get(&path).send().await.unwrap();
+        assert_eq!((sent.status().as_u16(), sent.url().host_str()), (200, Some(from)));
+        assert_eq!(sent.headers()["content-type"], "model/gltf-binary");
+        assert_eq!(sent.bytes().await.unwrap(), content);
+    }
 }
 
 /// A worker that the system stopped loses its job to another; when it goes on, its

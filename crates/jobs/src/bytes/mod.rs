@@ -10,4 +10,5 @@ mod s3;
 mod store;
 
 pub use key::{BytesOf, Home, InvalidName, Key};
+pub use s3::{ResponseHeaders, UrlSigner};
 pub use store::{ByteError, ByteRange, ByteStore, ByteWriter};
