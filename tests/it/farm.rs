@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use futures::future::join_all;
 use jobs::bytes::{ByteStore, Key};
 use jobs::{ArtifactEntry, EventKind, JobId, JobState, JobStore, PostgresOptions, PostgresStore};
-use serde_json::Value;
+use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 use testbed::{Durability, Farm};
 
@@ -154,6 +154,60 @@ async fn downloads_are_redirected_to_the_bucket_when_it_is_told_so() {
         assert_eq!(sent.headers()["content-type"], "model/gltf-binary");
         assert_eq!(sent.bytes().await.unwrap(), content);
     }
+}
+
+/// A service on one machine becomes a farm: its keys, jobs and links go on.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_service_of_one_machine_is_imported() {
+    let (farm, folder) = (farm(), tempfile::tempdir().unwrap());
+    let old = Process::start(folder.path(), &[]);
+    let (status, job) = old.upload().await;
+    assert_eq!(status, 202, "{job}");
+    let path = format!("/v1/reconstructions/{}", job["id"].as_str().unwrap());
+    let before = old.until(&path, |_, job| job["state"] == "succeeded").await;
+    let link = old.post(&format!("{path}/links"));
+    let link = link.json(&json!({ "artifact": "solid.glb" })).send().await.unwrap();
+    let link = link.json::<Value>().await.unwrap()["url"].as_str().unwrap().to_owned();
+    let made = Command::new(env!("CARGO_BIN_EXE_turnaround"))
+        .args(["keys", "create", "--scope", "write", "--data-dir"])
+        .arg(folder.path())
+        .output()
+        .unwrap();
+    let key = String::from_utf8(made.stdout).unwrap().trim().to_owned();
+    let import = || {
+        let output = command(&farm, "import").arg("--from").arg(folder.path()).output().unwrap();
+        let said = [output.stdout, output.stderr].concat();
+        (output.status.code(), String::from_utf8(said).unwrap())
+    };
+    let (status, said) = import();
+    assert!(status == Some(1) && said.contains("is in use"), "{status:?} {said}");
+    drop(old);
+    let (status, said) = import();
+    assert!(status == Some(0) && said.contains("imported 1 jobs and pages"), "{status:?} {said}");
+    let (status, said) = import();
+    assert!(status == Some(1) && said.contains("give an empty one"), "{status:?} {said}");
+
+    let node = api(&farm);
+    let get = |path: &str| node.get(path).bearer_auth(&key).send();
+    assert_eq!(node.get(&path).send().await.unwrap().status(), 401);
+    let after: Value = get(&path).await.unwrap().json().await.unwrap();
+    assert_eq!(after, before);
+    let listed: Value = get("/v1/reconstructions").await.unwrap().json().await.unwrap();
+    assert_eq!(listed["reconstructions"][0]["id"], job["id"]);
+    let files: Value = get(&format!("{path}/artifacts")).await.unwrap().json().await.unwrap();
+    let files = files["artifacts"].as_array().unwrap();
+    assert!(files.len() > 5, "{files:?}");
+    for file in files {
+        let bytes = get(file["href"].as_str().unwrap()).await.unwrap().bytes().await.unwrap();
+        assert_eq!(hex::encode(Sha256::digest(&bytes)), file["sha256"], "{}", file["name"]);
+    }
+    let linked = node.get(&link).send().await.unwrap();
+    assert_eq!(linked.status(), 200);
+    let again = node.post("/v1/reconstructions").bearer_auth(&key);
+    let source =
+        reqwest::multipart::Form::new().text("source", job["id"].as_str().unwrap().to_owned());
+    let again = again.multipart(source.text("reuse", "false")).send().await.unwrap();
+    assert_eq!(again.status(), 202, "its drawings are not there");
 }
 
 /// A worker that the system stopped loses its job to another; when it goes on, its
