@@ -1,6 +1,5 @@
 //! How much faster a batch is done by two workers on two cores than by one on one.
 
-use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
@@ -30,17 +29,15 @@ impl Stores {
     /// A node that may use the cores `0..cores`, with as many workers or none.
     fn node(&self, cores: usize, workers: usize) -> Result<Node> {
         let mut command = match self {
-            Self::Folder(_) => Command::new("taskset"),
+            Self::Folder(folder) => {
+                let mut command = Command::new("taskset");
+                command.arg("--cpu-list").env("TURNAROUND_DATA_DIR", folder.path());
+                command
+            }
             Self::Farm(farm) => farm.command("taskset", "--cpu-list"),
         };
-        if matches!(self, Self::Folder(_)) {
-            command.arg("--cpu-list");
-        }
         command.arg(format!("0-{}", cores - 1)).arg(program()?).arg("serve");
         command.args(["--listen", "127.0.0.1:0", "--workers", &workers.to_string()]);
-        if let Self::Folder(folder) = self {
-            command.arg("--data-dir").arg(Path::new(folder.path()));
-        }
         Node::start(command)
     }
 }

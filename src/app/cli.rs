@@ -6,6 +6,7 @@ use super::config::{Config, ConfigArgs};
 use super::draw::{self, DrawArgs};
 use super::evaluate::{self, EvaluateArgs};
 use super::failure::Failure;
+use super::import::{self, ImportArgs};
 use super::keys::{self, KeyCommand, TenantCommand};
 use super::page::{self, PageArgs};
 use super::reconstruct::{self, ReconstructArgs};
@@ -42,6 +43,8 @@ enum Command {
     /// Make and list the tenants of a service, whose jobs are kept apart
     #[command(subcommand)]
     Tenants(TenantCommand),
+    /// Move a stopped service's data folder into the database and the bucket of a farm
+    Import(ImportArgs),
     /// Work on the jobs of the service that started this
     #[command(hide = true)]
     Child,
@@ -63,6 +66,7 @@ pub(super) fn run() -> Result<(), Failure> {
         Command::Study(args) => study::run(&args),
         Command::Keys(command) => keys::keys(&command),
         Command::Tenants(command) => keys::tenants(&command),
+        Command::Import(args) => import::run(&args),
         Command::Child => child::run(),
         Command::Openapi => {
             println!("{:#}", crate::http::openapi());

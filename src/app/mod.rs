@@ -10,6 +10,7 @@ mod descriptors;
 mod draw;
 mod evaluate;
 mod failure;
+mod import;
 mod inputs;
 mod keys;
 mod memory;

@@ -22,12 +22,15 @@ use super::failure::Failure;
 use super::stores::Stores;
 use super::{descriptors, memory, telemetry};
 use crate::draft::DraftLimits;
-use crate::http::{self, Access, ApiState, Guard, HttpLimits, KeyPolicy, LinkKey, ServerTimeouts};
+use crate::http::{
+    self, Access, ApiState, Guard, HttpLimits, KeyPolicy, LinkKey, Redirects, ServerTimeouts,
+};
 use crate::outbound::{Outbound, OutboundPolicy};
 use crate::webhooks::{Sender, SenderConfig};
 use crate::worker::isolation::{ChildSettings, Isolated};
 use crate::worker::jobs::{Draw, Reconstruct};
 use crate::worker::{Pool, Work, WorkerConfig};
+use jobs::bytes::UrlSigner;
 use jobs::{AccessStore, KeyText, NewKey, Scope, TenantLimits, TenantName};
 
 /// What a process needs beside the memory that a job may take: stacks, the network's
@@ -60,6 +63,7 @@ async fn serve_until_signal(config: &Config, runtime: Handle) -> Result<()> {
         store: stores.jobs.clone(),
         bytes: stores.bytes.clone(),
         bytes_by_tenant: config.storage.bytes_by_tenant,
+        redirects: redirects(config)?,
         metrics: http::prometheus().context("recording metrics")?,
         max_attempts: config.workers.max_attempts,
         access: access(config, &stores).await?,
@@ -242,6 +246,16 @@ async fn access(config: &Config, stores: &Stores) -> Result<Access> {
     };
     let (open_metrics, docs) = (config.access.open_metrics, !config.access.no_docs);
     Ok(Access { store, policy, defaults, open_metrics, docs })
+}
+
+/// What lets the bucket send large artifacts, if that is wanted.
+fn redirects(Config { stores, storage, .. }: &Config) -> Result<Option<Redirects>> {
+    let (Some(seconds), Some(address)) = (storage.download_redirects, &stores.store) else {
+        return Ok(None);
+    };
+    let signer = UrlSigner::s3(address, std::env::vars(), storage.download_endpoint.as_deref())
+        .with_context(|| format!("signing URLs of the store {address} for download_redirects"))?;
+    Ok(Some(Redirects::new(signer, Duration::from_secs(seconds.into()))))
 }
 
 /// What links are signed with: given, or made once and kept.

@@ -12,6 +12,7 @@ use axum::response::{IntoResponse, Response};
 use axum_extra::headers::{ETag, HeaderMapExt, IfRange};
 use bytes::Bytes;
 use futures::TryStreamExt;
+use jiff::Timestamp;
 
 use super::Api;
 use super::access::Caller;
@@ -19,10 +20,14 @@ use super::conditional::{is_known, is_unwanted};
 use super::files::MAX_FILE_BYTES;
 use super::problem::{PRECONDITION_FAILED, Problem, RANGE_NOT_SATISFIABLE, UNKNOWN_ARTIFACT};
 use super::range::{Selection, select};
+use super::redirects::stays_here;
 use super::representation::{ArtifactList, ArtifactSummary};
 use super::resource::{Id, OwnedId, Resource, find, noun_of, status, unless_known};
-use jobs::bytes::{ByteError, ByteStore, Home, Key};
+use jobs::bytes::{ByteError, ByteStore, Home, Key, ResponseHeaders};
 use jobs::{ArtifactEntry, Job, JobId};
+
+/// Of all artifacts: they never change.
+const CACHE_CONTROL: &str = "private, max-age=31536000, immutable";
 
 /// What downloads need of a job.
 #[derive(Clone)]
@@ -102,16 +107,20 @@ pub(super) async fn named<R: Resource>(
         path.map_err(|error| Problem::new(UNKNOWN_ARTIFACT, error.body_text()))?;
     let asked = OwnedId { id: Id::<R>::parse(&id)?, caller };
     let status = status::<R>(api, &asked).await?;
-    serve(api, &status.published, &name, method, headers).await
+    serve(api, &status.published, &name, method, headers, None).await
 }
 
-/// Answers an artifact's bytes, or the range of them that the client asks for.
+/// Answers an artifact's bytes, or the range of them that the client asks for; or where
+/// the bucket has them.
+///
+/// * `ends`: when what the client came with ends, if it does.
 pub(super) async fn serve(
     api: &Api,
     job: &Published,
     name: &str,
     method: &Method,
     headers: &HeaderMap,
+    ends: Option<Timestamp>,
 ) -> Result<Response, Problem> {
     let entry = entry(job, name).map_err(|detail| Problem::new(UNKNOWN_ARTIFACT, detail))?;
     let etag: ETag = format!("\"{}\"", entry.sha256)
@@ -126,13 +135,28 @@ pub(super) async fn serve(
     } else if method == Method::HEAD {
         content_response(job, entry, 0..entry.bytes, Body::empty())
     } else {
-        content(api, job, entry, requested(entry, &etag, headers)?).await?
+        let range = requested(entry, &etag, headers)?;
+        if let Some(redirects) = &api.state.redirects
+            && entry.bytes > MAX_FILE_BYTES
+            && !stays_here(headers)
+        {
+            let told = ResponseHeaders {
+                media_type: &entry.media_type,
+                disposition: &disposition(job, entry),
+                cache_control: CACHE_CONTROL,
+            };
+            return redirects.to(&job.home, &key_of(job, entry), ends, &told).await;
+        }
+        content(api, job, entry, range).await?
     };
     let headers = response.headers_mut();
     headers.typed_insert(etag);
-    let cache = HeaderValue::from_static("private, max-age=31536000, immutable");
-    headers.insert(header::CACHE_CONTROL, cache);
+    headers.insert(header::CACHE_CONTROL, HeaderValue::from_static(CACHE_CONTROL));
     Ok(response)
+}
+
+fn key_of<'e>(job: &Published, entry: &'e ArtifactEntry) -> Key<'e> {
+    Key::Artifact { job: job.id, attempt: job.attempt, name: &entry.name }
 }
 
 /// The job's artifact of this name, or why there is none.
@@ -180,7 +204,7 @@ async fn content(
     if range.is_empty() {
         return Ok(content_response(job, entry, range, Body::empty()));
     }
-    let key = Key::Artifact { job: job.id, attempt: job.attempt, name: &entry.name };
+    let key = key_of(job, entry);
     let store = api.state.bytes.of(&job.home);
     let gone = |error| missing(job.id, &entry.name, &error);
     if entry.bytes <= MAX_FILE_BYTES {

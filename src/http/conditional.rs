@@ -24,9 +24,7 @@ pub(super) fn is_unwanted(headers: &HeaderMap, etag: &ETag) -> bool {
 /// How long the client prefers to wait (RFC 7240), whole seconds, at most
 /// [`MAX_WAIT`]. What cannot be read is ignored, as the RFC has it.
 pub(super) fn preferred_wait(headers: &HeaderMap) -> Option<Duration> {
-    let values = headers.get_all(PREFER).iter().filter_map(|value| value.to_str().ok());
-    let seconds = values.flat_map(|value| value.split(',')).find_map(|preference| {
-        let preference = preference.split(';').next().unwrap_or_default();
+    let seconds = preferences(headers).find_map(|preference| {
         let (name, value) = preference.split_once('=')?;
         let is_wait = name.trim().eq_ignore_ascii_case("wait");
         is_wait.then(|| value.trim().trim_matches('"').parse::<u64>().ok())?
@@ -34,17 +32,39 @@ pub(super) fn preferred_wait(headers: &HeaderMap) -> Option<Duration> {
     Some(Duration::from_secs(seconds).min(MAX_WAIT))
 }
 
+/// Whether the client prefers the bytes to where they are (`Prefer: no-redirect`).
+pub(super) fn prefers_no_redirect(headers: &HeaderMap) -> bool {
+    preferences(headers).any(|preference| preference.trim().eq_ignore_ascii_case("no-redirect"))
+}
+
+/// What the client prefers, without parameters.
+fn preferences(headers: &HeaderMap) -> impl Iterator<Item = &str> {
+    let values = headers.get_all(PREFER).iter().filter_map(|value| value.to_str().ok());
+    let preferences = values.flat_map(|value| value.split(','));
+    preferences.map(|preference| preference.split(';').next().unwrap_or_default())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use axum::http::HeaderValue;
 
+    fn preferring(values: &[&'static str]) -> HeaderMap {
+        values.iter().map(|value| (PREFER, HeaderValue::from_static(value))).collect()
+    }
+
     fn wait(values: &[&'static str]) -> Option<u64> {
-        let mut headers = HeaderMap::new();
-        for value in values {
-            headers.append(PREFER, HeaderValue::from_static(value));
+        preferred_wait(&preferring(values)).map(|wait| wait.as_secs())
+    }
+
+    #[test]
+    fn finds_that_no_redirect_is_wanted() {
+        for given in [["wait=5, No-Redirect"].as_slice(), &["wait=5", "no-redirect; x=y"]] {
+            assert!(prefers_no_redirect(&preferring(given)), "{given:?}");
         }
-        preferred_wait(&headers).map(|wait| wait.as_secs())
+        for given in [["no-redirects"].as_slice(), &["x=no-redirect"], &[]] {
+            assert!(!prefers_no_redirect(&preferring(given)), "{given:?}");
+        }
     }
 
     #[test]

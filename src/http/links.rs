@@ -137,6 +137,8 @@ pub(super) async fn create<R: Resource>(
          headers(("ETag" = String), ("Accept-Ranges" = String), ("Content-Disposition" = String))),
         (status = 206, description = "The bytes of the range", body = Vec<u8>,
          content_type = "application/octet-stream", headers(("Content-Range" = String))),
+        (status = 307, description = "Large ones, where the service lets its bucket send them (`download_redirects`): fetch `Location` without the key, soon; with `Prefer: no-redirect` the bytes come from here",
+         headers(("Location" = String))),
         (status = 304, description = "As in If-None-Match"),
         LinkProblems,
     )
@@ -156,11 +158,12 @@ pub(super) async fn follow(
     let signature = hex::decode(signature).map_err(|_| wrong())?;
     // Compared in constant time.
     mac.verify_slice(&signature).map_err(|_| wrong())?;
-    if expires <= Timestamp::now().as_second() {
+    let ends = Timestamp::from_second(expires).map_err(|_| wrong())?;
+    if ends <= Timestamp::now() {
         return Err(wrong());
     }
     let job = linked(&api, &collection, id).await?;
-    artifacts::serve(&api, &Published::of(&job), &name, &method, &headers).await
+    artifacts::serve(&api, &Published::of(&job), &name, &method, &headers, Some(ends)).await
 }
 
 /// The job of a link, whosever it is: who made the link could read it.

@@ -283,6 +283,8 @@ pub(super) async fn artifacts(
          headers(("ETag" = String), ("Accept-Ranges" = String), ("Content-Disposition" = String))),
         (status = 206, description = "The bytes of the range", body = Vec<u8>,
          content_type = "application/octet-stream", headers(("Content-Range" = String))),
+        (status = 307, description = "Large ones, where the service lets its bucket send them (`download_redirects`): fetch `Location` without the key, soon; with `Prefer: no-redirect` the bytes come from here",
+         headers(("Location" = String))),
         (status = 304, description = "As in If-None-Match"),
         ArtifactProblems,
     )
@@ -307,6 +309,8 @@ pub(super) async fn artifact(
     params(("id" = String, Path, format = "uuid", description = "The reconstruction")),
     responses(
         (status = 200, description = "The metrics", body = Object, headers(("ETag" = String))),
+        (status = 307, description = "Large ones, where the service lets its bucket send them (`download_redirects`): fetch `Location` without the key, soon; with `Prefer: no-redirect` the bytes come from here",
+         headers(("Location" = String))),
         (status = 304, description = "As in If-None-Match"),
         ArtifactProblems,
     )
@@ -318,7 +322,7 @@ pub(super) async fn metrics(
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     let status = resource::status::<Reconstructions>(&api, &id.0).await?;
-    artifacts::serve(&api, &status.published, "metrics.json", &method, &headers).await
+    artifacts::serve(&api, &status.published, "metrics.json", &method, &headers, None).await
 }
 
 /// Make a link to a result of a reconstruction that needs no key.

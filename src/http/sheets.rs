@@ -276,6 +276,8 @@ pub(super) async fn artifacts(
          headers(("ETag" = String), ("Accept-Ranges" = String), ("Content-Disposition" = String))),
         (status = 206, description = "The bytes of the range", body = Vec<u8>,
          content_type = "application/octet-stream", headers(("Content-Range" = String))),
+        (status = 307, description = "Large ones, where the service lets its bucket send them (`download_redirects`): fetch `Location` without the key, soon; with `Prefer: no-redirect` the bytes come from here",
+         headers(("Location" = String))),
         (status = 304, description = "As in If-None-Match"),
         ArtifactProblems,
     )

@@ -10,7 +10,7 @@ use super::files::Files;
 use super::statuses::Statuses;
 use super::streams::Streams;
 use super::upload::{Budget, Decoders};
-use super::{Access, Guard, HttpLimits, LinkKey};
+use super::{Access, Guard, HttpLimits, LinkKey, Redirects};
 use crate::outbound::Outbound;
 use jobs::bytes::ByteStore;
 use jobs::{JobId, JobStore, TenantName};
@@ -24,6 +24,8 @@ pub struct ApiState {
     pub bytes: ByteStore,
     /// Whether those of new jobs and pages lie below their tenant's prefix.
     pub bytes_by_tenant: bool,
+    /// Lets the bucket send large artifacts itself.
+    pub redirects: Option<Redirects>,
     /// Renders `/metrics`.
     pub metrics: PrometheusHandle,
     /// How often each job may be tried.

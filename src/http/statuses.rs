@@ -1,13 +1,13 @@
 //! Jobs as clients see them, kept ready while nothing in the store changes: many
 //! programs ask for the same job again and again.
 
-use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use axum_extra::headers::ETag;
 use bytes::Bytes;
 
 use super::artifacts::Published;
+use super::bounded::Bounded;
 use super::problem::Problem;
 use super::resource::{Resource, store_problem, unknown, version_of};
 use jobs::{Job, JobId, JobStore, Revision, TenantName};
@@ -52,11 +52,15 @@ impl Status {
 #[derive(Default)]
 pub(super) struct Statuses(Mutex<Kept>);
 
-#[derive(Default)]
 struct Kept {
     revision: Option<Revision>,
-    bytes: usize,
-    statuses: HashMap<JobId, Arc<Status>>,
+    statuses: Bounded<JobId, Arc<Status>>,
+}
+
+impl Default for Kept {
+    fn default() -> Self {
+        Self { revision: None, statuses: Bounded::new(MAX_BYTES) }
+    }
 }
 
 impl Statuses {
@@ -89,22 +93,15 @@ impl Statuses {
         if kept.revision == Some(revision) {
             return kept.statuses.get(&id).map(Arc::clone);
         }
-        *kept = Kept { revision: Some(revision), ..Kept::default() };
+        kept.revision = Some(revision);
+        kept.statuses.clear();
         None
     }
 
     fn keep(&self, revision: Revision, id: JobId, status: &Arc<Status>) {
         let mut kept = self.lock();
-        let bytes = status.size();
-        if kept.revision != Some(revision) || bytes > MAX_BYTES {
-            return;
-        }
-        if kept.bytes + bytes > MAX_BYTES {
-            (kept.bytes, kept.statuses) = (0, HashMap::new());
-        }
-        // Two requests may have read the same job at once.
-        if kept.statuses.insert(id, Arc::clone(status)).is_none() {
-            kept.bytes += bytes;
+        if kept.revision == Some(revision) {
+            kept.statuses.keep(id, Arc::clone(status), status.size());
         }
     }
 
@@ -173,7 +170,6 @@ mod tests {
         for id in ids {
             statuses.keep(revision, id, &status(MAX_BYTES / 4));
             assert!(statuses.kept(revision, id).is_some());
-            assert!(statuses.lock().bytes <= MAX_BYTES);
         }
         assert!(statuses.kept(revision, ids[0]).is_none(), "it made room");
         statuses.keep(revision, ids[0], &status(MAX_BYTES + 1));

@@ -95,6 +95,15 @@ impl Series {
             route: request.extensions().get().cloned(),
         }
     }
+
+    /// Keeps a series for the requests that come, unless another request was as fast.
+    fn keep(&self, route: &str, recorded: Recorded) {
+        let mut known = self.0.write().unwrap_or_else(PoisonError::into_inner);
+        let all = known.entry(route.to_owned()).or_default();
+        if !all.iter().any(|it| it.is_of(recorded.method, recorded.status)) {
+            all.push(recorded);
+        }
+    }
 }
 
 impl Timing<'_> {
@@ -103,17 +112,16 @@ impl Timing<'_> {
     pub(super) fn end(self, response: &Response) {
         let (seconds, status) = (self.begun.elapsed().as_secs_f64(), response.status().as_u16());
         let route = self.route.as_ref().map_or("unmatched", MatchedPath::as_str);
-        let is_it = |it: &&Recorded| it.method == self.method && it.status == status;
         let known = self.series.0.read().unwrap_or_else(PoisonError::into_inner);
-        if let Some(found) = known.get(route).and_then(|all| all.iter().find(is_it)) {
+        let mut all = known.get(route).into_iter().flatten();
+        if let Some(found) = all.find(|it| it.is_of(self.method, status)) {
             found.record(seconds);
             return;
         }
         drop(known);
         let recorded = Recorded::new(self.method, route, status);
         recorded.record(seconds);
-        let mut known = self.series.0.write().unwrap_or_else(PoisonError::into_inner);
-        known.entry(route.to_owned()).or_default().push(recorded);
+        self.series.keep(route, recorded);
     }
 }
 
@@ -125,6 +133,10 @@ impl Recorded {
         let labels = [method_label, route_label, ("status", status.to_string())];
         let requests = metrics::counter!("turnaround_http_requests_total", &labels);
         Self { method, status, requests, seconds }
+    }
+
+    fn is_of(&self, method: &str, status: u16) -> bool {
+        self.method == method && self.status == status
     }
 
     fn record(&self, seconds: f64) {
@@ -143,5 +155,22 @@ fn method_label(method: &Method) -> &'static str {
         Method::DELETE => "DELETE",
         Method::OPTIONS => "OPTIONS",
         _ => "other",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_series_is_kept_once() {
+        let series = Series::default();
+        // Two requests that both found none of theirs.
+        for (method, status) in [("GET", 200), ("GET", 200), ("GET", 404), ("HEAD", 200)] {
+            series.keep("/v1/sheets", Recorded::new(method, "/v1/sheets", status));
+        }
+        let known = series.0.read().unwrap();
+        let kept: Vec<_> = known["/v1/sheets"].iter().map(|it| (it.method, it.status)).collect();
+        assert_eq!(kept, [("GET", 200), ("GET", 404), ("HEAD", 200)]);
     }
 }

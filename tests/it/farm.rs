@@ -6,9 +6,9 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use futures::future::join_all;
-use jobs::bytes::ByteStore;
-use jobs::{EventKind, JobId, JobState, JobStore, PostgresOptions, PostgresStore};
-use serde_json::Value;
+use jobs::bytes::{ByteStore, Key};
+use jobs::{ArtifactEntry, EventKind, JobId, JobState, JobStore, PostgresOptions, PostgresStore};
+use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 use testbed::{Durability, Farm};
 
@@ -123,6 +123,91 @@ async fn nodes_are_one_service() {
     assert_eq!(part.status(), 206);
     assert_eq!(part.bytes().await.unwrap(), whole[10..100]);
     assert_eq!(std::fs::read_dir(farm.folder.path()).unwrap().count(), 0, "a file was left");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn downloads_are_redirected_to_the_bucket_when_it_is_told_so() {
+    let farm = farm();
+    let plain = api(&farm);
+    let mut command = command(&farm, "serve");
+    command.args(["--listen", "127.0.0.1:0", "--workers", "0", "--download-redirects", "60"]);
+    command.args(["--download-endpoint", &farm.s3.endpoint().replace("127.0.0.1", "localhost")]);
+    let redirecting = Process::spawn(command);
+    let (_, job) = plain.upload().await;
+    // Played by the test, for artifacts of a known size.
+    let (store, name) = (store(&farm).await, "solid.glb");
+    let claim = store.claim("test", PATIENCE).await.unwrap().unwrap();
+    let (id, attempt) = (claim.job.id, claim.attempt);
+    assert_eq!(id.to_string(), job["id"]);
+    let content: Vec<u8> = (0..300_000u32).map(|i| (i % 251) as u8).collect();
+    let bytes = ByteStore::s3(&farm.store(), farm.s3.environment()).unwrap();
+    let key = Key::Artifact { job: id, attempt, name };
+    bytes.put(&key, content.clone().into()).await.unwrap();
+    let sha256 = hex::encode(Sha256::digest(&content));
+    let (name, media_type) = (name.to_owned(), "model/gltf-binary".to_owned());
+    let entry = ArtifactEntry { name, media_type, bytes: 300_000, sha256 };
+    store.succeed(id, attempt, vec![entry], None).await.unwrap();
+    let path = format!("/v1/reconstructions/{id}/artifacts/solid.glb");
+    for (node, from) in [(&plain, "127.0.0.1"), (&redirecting, "localhost")] {
+        let sent = node.get(&path).send().await.unwrap();
+        assert_eq!((sent.status().as_u16(), sent.url().host_str()), (200, Some(from)));
+        assert_eq!(sent.headers()["content-type"], "model/gltf-binary");
+        assert_eq!(sent.bytes().await.unwrap(), content);
+    }
+}
+
+/// A service on one machine becomes a farm: its keys, jobs and links go on.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_service_of_one_machine_is_imported() {
+    let (farm, folder) = (farm(), tempfile::tempdir().unwrap());
+    let old = Process::start(folder.path(), &[]);
+    let (status, job) = old.upload().await;
+    assert_eq!(status, 202, "{job}");
+    let path = format!("/v1/reconstructions/{}", job["id"].as_str().unwrap());
+    let before = old.until(&path, |_, job| job["state"] == "succeeded").await;
+    let link = old.post(&format!("{path}/links"));
+    let link = link.json(&json!({ "artifact": "solid.glb" })).send().await.unwrap();
+    let link = link.json::<Value>().await.unwrap()["url"].as_str().unwrap().to_owned();
+    let made = Command::new(env!("CARGO_BIN_EXE_turnaround"))
+        .args(["keys", "create", "--scope", "write", "--data-dir"])
+        .arg(folder.path())
+        .output()
+        .unwrap();
+    let key = String::from_utf8(made.stdout).unwrap().trim().to_owned();
+    let import = || {
+        let output = command(&farm, "import").arg("--from").arg(folder.path()).output().unwrap();
+        let said = [output.stdout, output.stderr].concat();
+        (output.status.code(), String::from_utf8(said).unwrap())
+    };
+    let (status, said) = import();
+    assert!(status == Some(1) && said.contains("is in use"), "{status:?} {said}");
+    drop(old);
+    let (status, said) = import();
+    assert!(status == Some(0) && said.contains("imported 1 jobs and pages"), "{status:?} {said}");
+    let (status, said) = import();
+    assert!(status == Some(1) && said.contains("give an empty one"), "{status:?} {said}");
+
+    let node = api(&farm);
+    let get = |path: &str| node.get(path).bearer_auth(&key).send();
+    assert_eq!(node.get(&path).send().await.unwrap().status(), 401);
+    let after: Value = get(&path).await.unwrap().json().await.unwrap();
+    assert_eq!(after, before);
+    let listed: Value = get("/v1/reconstructions").await.unwrap().json().await.unwrap();
+    assert_eq!(listed["reconstructions"][0]["id"], job["id"]);
+    let files: Value = get(&format!("{path}/artifacts")).await.unwrap().json().await.unwrap();
+    let files = files["artifacts"].as_array().unwrap();
+    assert!(files.len() > 5, "{files:?}");
+    for file in files {
+        let bytes = get(file["href"].as_str().unwrap()).await.unwrap().bytes().await.unwrap();
+        assert_eq!(hex::encode(Sha256::digest(&bytes)), file["sha256"], "{}", file["name"]);
+    }
+    let linked = node.get(&link).send().await.unwrap();
+    assert_eq!(linked.status(), 200);
+    let again = node.post("/v1/reconstructions").bearer_auth(&key);
+    let source =
+        reqwest::multipart::Form::new().text("source", job["id"].as_str().unwrap().to_owned());
+    let again = again.multipart(source.text("reuse", "false")).send().await.unwrap();
+    assert_eq!(again.status(), 202, "its drawings are not there");
 }
 
 /// A worker that the system stopped loses its job to another; when it goes on, its

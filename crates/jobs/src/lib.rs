@@ -29,7 +29,7 @@ pub use access::{
 };
 pub use clock::{Clock, ManualClock, SystemClock, Uptime};
 pub use pages::{NewPage, PageQuery, PageStore, StoredPage};
-pub use postgres::{PostgresOptions, PostgresStore};
+pub use postgres::{ImportError, Imported, PostgresOptions, PostgresStore};
 pub use sqlite::SqliteStore;
 pub use storage::StorageStore;
 pub use store::{JobStore, StoreError};

@@ -97,7 +97,7 @@ pub enum StoreError {
 /// messages that tell of their ends. Every method is one transaction; when it
 /// returns, its effect survives a crash of process and machine.
 ///
-/// `tests/it/suite.rs` is the suite that every implementation passes.
+/// `tests/it/suite` is the suite that every implementation passes.
 #[async_trait]
 pub trait JobStore: PageStore + WebhookStore + StorageStore {
     /// Adds a job in state queued. If its idempotency key came with the same

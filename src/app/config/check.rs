@@ -46,6 +46,20 @@ impl Config {
             !storage.make_room || storage.disk_budget_mib.is_some(),
             "make_room is set, but no disk_budget_mib that says when"
         );
+        ensure!(
+            storage.download_redirects.is_none() || stores.store.is_some(),
+            "download_redirects is set, but files in the data folder have no URLs that could be signed; give --store s3://BUCKET, or leave it out"
+        );
+        if let Some(endpoint) = &storage.download_endpoint {
+            ensure!(
+                storage.download_redirects.is_some(),
+                "download_endpoint is set, but no download_redirects that says for how long its URLs work"
+            );
+            ensure!(
+                is_endpoint(endpoint),
+                "download_endpoint is `{endpoint}`; give the http or https URL of the bucket's service, without a user or a query"
+            );
+        }
         for (name, value, range) in [
             ("workers", workers.workers as u64, 0..=256),
             ("threads_per_job", workers.threads_per_job as u64, 0..=1024),
@@ -67,6 +81,7 @@ impl Config {
             ("max_model_triangles", limits.max_model_triangles as u64, 1..=100_000_000),
             ("max_body_mib", limits.max_body_mib, 1..=65_536),
             ("disk_budget_mib", storage.disk_budget_mib.unwrap_or(1), 1..=1 << 40),
+            ("download_redirects", storage.download_redirects.unwrap_or(1).into(), 1..=3600),
             ("max_tenant_mib", access.max_tenant_mib.unwrap_or(1), 1..=1 << 40),
             ("expires_in", access.expires_in.unwrap_or(1).into(), 1..=316_224_000),
         ] {
@@ -86,6 +101,17 @@ impl Config {
 fn is_origin(text: &str) -> bool {
     let authority = text.strip_prefix("https://").or_else(|| text.strip_prefix("http://"));
     text == "*" || authority.is_some_and(|rest| !rest.is_empty() && is_authority(rest))
+}
+
+/// Whether paths of objects can be put behind it.
+fn is_endpoint(text: &str) -> bool {
+    url::Url::parse(text).is_ok_and(|url| {
+        let is_plain = url.username().is_empty()
+            && url.password().is_none()
+            && url.query().is_none()
+            && url.fragment().is_none();
+        matches!(url.scheme(), "http" | "https") && url.has_host() && is_plain
+    })
 }
 
 fn is_authority(text: &str) -> bool {
@@ -114,12 +140,32 @@ mod tests {
             (&["--cors-origin", "https://studio.example/app"], "without a path"),
             (&["--allowed-host", "studio.example:80"], "without a port"),
             (&["--max-job-seconds", "0"], "max_job_seconds is 0"),
+            (&["--download-redirects", "60"], "give --store s3://BUCKET"),
+            (
+                &["--store", "s3://bucket", "--download-redirects", "3601"],
+                "download_redirects is 3601; give 1 to 3600",
+            ),
+            (&["--download-endpoint", "https://s3.studio.example"], "--download-redirects"),
         ] {
             let error = resolve(args).unwrap_err().to_string();
             assert!(error.contains(told), "{args:?}: {error}");
         }
+        for endpoint in ["s3.studio.example", "s3://bucket", "https://a:b@host", "https://host?x"] {
+            let args = ["--store", "s3://bucket", "--download-redirects", "60"];
+            let given = [args.as_slice(), &["--download-endpoint", endpoint]].concat();
+            let error = resolve(&given).unwrap_err().to_string();
+            assert!(error.contains("give the http or https URL"), "{endpoint}: {error}");
+        }
         for args in [
             ["--lease", "20"].as_slice(),
+            &[
+                "--store",
+                "s3://bucket",
+                "--download-redirects",
+                "3600",
+                "--download-endpoint",
+                "https://s3.studio.example/below",
+            ],
             &["--cors-origin", "https://studio.example:8443,http://localhost:5173"],
             &["--cors-origin", "*"],
             &["--workers", "0", "--database-url", "postgres://host/name"],

@@ -45,6 +45,19 @@ pub(crate) struct StorageConfig {
     /// of a version that knows it
     #[arg(long, env = "TURNAROUND_BYTES_BY_TENANT")]
     pub bytes_by_tenant: bool,
+    /// Answer downloads of large artifacts with a redirect to a signed URL of the bucket that
+    /// works for this long, seconds; unset to send all bytes through the nodes
+    #[arg(long, env = "TURNAROUND_DOWNLOAD_REDIRECTS", value_name = "SECONDS")]
+    pub download_redirects: Option<u32>,
+    /// Endpoint of the bucket for those who download, if they reach it by another name than
+    /// the nodes; otherwise that of AWS_ENDPOINT_URL
+    #[arg(
+        long,
+        env = "TURNAROUND_DOWNLOAD_ENDPOINT",
+        value_name = "URL",
+        requires = "download_redirects"
+    )]
+    pub download_endpoint: Option<String>,
     /// Start with a new database beside bytes of jobs that it does not know
     #[arg(long, env = "TURNAROUND_ADOPT_BYTES")]
     pub adopt_bytes: bool,

@@ -18,7 +18,7 @@ use tempfile::TempDir;
 use tokio::net::TcpListener;
 use tokio_util::sync::CancellationToken;
 use turnaround::http::{
-    self, Access, ApiState, Guard, HttpLimits, KeyPolicy, LinkKey, ServerTimeouts,
+    self, Access, ApiState, Guard, HttpLimits, KeyPolicy, LinkKey, Redirects, ServerTimeouts,
 };
 use turnaround::outbound::{Outbound, OutboundPolicy};
 
@@ -41,19 +41,37 @@ impl Service {
     }
 
     pub(crate) async fn start_with(limits: HttpLimits, timeouts: ServerTimeouts) -> Self {
-        Self::start_as(limits, timeouts, false).await
+        Self::start_as(limits, timeouts, false, None).await
     }
 
     /// One that stores new bytes below prefixes of their tenants.
     pub(crate) async fn start_by_tenant() -> Self {
-        Self::start_as(HttpLimits::default(), ServerTimeouts::default(), true).await
+        Self::start_as(HttpLimits::default(), ServerTimeouts::default(), true, None).await
     }
 
-    async fn start_as(limits: HttpLimits, timeouts: ServerTimeouts, bytes_by_tenant: bool) -> Self {
+    /// One whose bytes are in a bucket, which sends the large ones itself.
+    pub(crate) async fn start_redirecting(
+        bytes: ByteStore,
+        redirects: Redirects,
+        bytes_by_tenant: bool,
+    ) -> Self {
+        let (limits, timeouts) = (HttpLimits::default(), ServerTimeouts::default());
+        Self::start_as(limits, timeouts, bytes_by_tenant, Some((bytes, redirects))).await
+    }
+
+    async fn start_as(
+        limits: HttpLimits,
+        timeouts: ServerTimeouts,
+        bytes_by_tenant: bool,
+        bucket: Option<(ByteStore, Redirects)>,
+    ) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("jobs.sqlite");
         let store = Arc::new(SqliteStore::open(&path, Arc::new(SystemClock)).await.unwrap());
-        let bytes = ByteStore::local(&folder.path().join("bytes")).unwrap();
+        let (bytes, redirects) = match bucket {
+            Some((bytes, redirects)) => (bytes, Some(redirects)),
+            None => (ByteStore::local(&folder.path().join("bytes")).unwrap(), None),
+        };
         let (draining, shutdown) = (CancellationToken::new(), CancellationToken::new());
         // Receivers of tests are on the loopback by this address alone.
         let policy =
@@ -63,6 +81,7 @@ impl Service {
             store: store.clone(),
             bytes: bytes.clone(),
             bytes_by_tenant,
+            redirects,
             metrics: http::prometheus().unwrap(),
             max_attempts: 3,
             access: Access {
@@ -148,7 +167,8 @@ impl Service {
         let mut entries = Vec::new();
         for (name, media_type, content) in artifacts {
             let key = Key::Artifact { job: id, attempt, name };
-            self.bytes.put(&key, content.clone().into()).await.unwrap();
+            let home = id.home(&TenantName::default());
+            self.bytes.of(&home).put(&key, content.clone().into()).await.unwrap();
             entries.push(ArtifactEntry {
                 name: (*name).to_owned(),
                 media_type: (*media_type).to_owned(),

@@ -11,6 +11,7 @@ mod page_tags;
 mod page_uploads;
 mod pages;
 pub(crate) mod receiver;
+mod redirects;
 mod resources;
 mod reuse;
 mod service;

@@ -16,6 +16,8 @@ fn settings_that_make_no_sense_are_refused_at_the_start() {
     let folder = tempfile::tempdir().unwrap();
     let told = refusal(command(folder.path(), &["--lease", "5", "--heartbeat", "10"]));
     assert!(told.contains("two heartbeats"), "{told}");
+    let told = refusal(command(folder.path(), &["--download-redirects", "60"]));
+    assert!(told.contains("files in the data folder have no URLs"), "{told}");
     assert!(folder.path().read_dir().unwrap().next().is_none(), "something was made");
 }
 

@@ -5,9 +5,12 @@
 //! with those of the one that is published. What is written is durable when the
 //! call returns.
 
+mod copy;
 mod key;
 mod s3;
 mod store;
 
+pub(crate) use copy::Copied;
 pub use key::{BytesOf, Home, InvalidName, Key};
+pub use s3::{ResponseHeaders, UrlSigner};
 pub use store::{ByteError, ByteRange, ByteStore, ByteWriter};

@@ -143,13 +143,13 @@ pub struct ByteRange {
 
 /// What is sent at once of bytes that are stored piece by piece; object stores
 /// want 5 MiB or more.
-const PART_BYTES: usize = 8 << 20;
+pub(super) const PART_BYTES: usize = 8 << 20;
 /// Parts on their way at once.
 const PARTS_IN_FLIGHT: usize = 2;
 
 /// Bytes on their way in.
 pub struct ByteWriter {
-    parts: WriteMultipart,
+    pub(super) parts: WriteMultipart,
 }
 
 impl ByteWriter {
@@ -175,7 +175,7 @@ impl ByteWriter {
 /// Inputs and artifacts by [`Key`], in a folder or an object store.
 #[derive(Clone)]
 pub struct ByteStore {
-    store: Arc<dyn ObjectStore>,
+    pub(super) store: Arc<dyn ObjectStore>,
     /// The folder, if it is one: whole trees are removed there at once, with
     /// the partly written files that listings leave out.
     root: Option<PathBuf>,
@@ -212,16 +212,16 @@ impl ByteStore {
         Self { prefix: home.prefix(), ..self.clone() }
     }
 
-    fn path(&self, key: &Key<'_>) -> Result<Path, InvalidName> {
+    pub(super) fn path(&self, key: &Key<'_>) -> Result<Path, InvalidName> {
         Ok(self.below(&key.path()?))
     }
 
-    fn below(&self, folder: &Path) -> Path {
+    pub(super) fn below(&self, folder: &Path) -> Path {
         self.prefix.parts().chain(folder.parts()).collect()
     }
 
     /// Makes a tenant's folders before the first write to them.
-    async fn make_folders(&self) -> Result<(), ByteError> {
+    pub(super) async fn make_folders(&self) -> Result<(), ByteError> {
         let made = || self.made.lock().unwrap_or_else(PoisonError::into_inner);
         let Some(root) = &self.root else { return Ok(()) };
         if self.prefix.as_ref().is_empty() || made().contains(&self.prefix) {
@@ -294,7 +294,14 @@ impl ByteStore {
         key: &Key<'_>,
         range: Option<Range<u64>>,
     ) -> Result<ByteRange, ByteError> {
-        let path = self.path(key)?;
+        self.read(self.path(key)?, range).await
+    }
+
+    pub(super) async fn read(
+        &self,
+        path: Path,
+        range: Option<Range<u64>>,
+    ) -> Result<ByteRange, ByteError> {
         if let Some(root) = &self.root {
             return file_range(root.join(path.as_ref()), path, range).await;
         }

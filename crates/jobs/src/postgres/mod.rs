@@ -14,6 +14,7 @@ mod claim;
 mod failure;
 #[path = "../sql/idempotency.rs"]
 mod idempotency;
+mod import;
 mod listen;
 #[path = "../sql/ownerless.rs"]
 mod ownerless;
@@ -36,6 +37,8 @@ use sqlx::postgres::{PgConnectOptions, PgPool, PgPoolOptions};
 use sqlx::{Postgres, QueryBuilder, Transaction};
 use tokio::sync::broadcast;
 use tokio::task::AbortHandle;
+
+pub use self::import::{ImportError, Imported};
 
 use self::failure::{backend, commit_error};
 use self::listen::announce;

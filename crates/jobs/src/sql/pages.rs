@@ -6,10 +6,10 @@ use serde_json::Value;
 use sqlx::{FromRow, QueryBuilder, Row as _};
 
 use super::access::tenant_name;
-use super::rows::{flag, json, optional_time, time};
+use super::rows::{json, tags, time};
+use super::store::narrow;
 use super::{
-    Connection, Db, LOCK, Row, Store, backend, commit_error, has_label, idempotency, ownerless,
-    storage,
+    Connection, Db, LOCK, Row, Store, backend, commit_error, idempotency, ownerless, storage,
 };
 use crate::pages::{NewPage, PageQuery, PageStore, StoredPage};
 use crate::{Idempotency, JobId, StoreError, Tags, TenantName};
@@ -22,12 +22,7 @@ impl<'r> FromRow<'r, Row> for StoredPage {
             tenant: tenant_name(row, "tenant")?,
             content: json(row, "content")?,
             version: row.try_get::<i64, _>("version")?.cast_unsigned(),
-            tags: Tags {
-                name: row.try_get("name")?,
-                labels: json(row, "labels")?,
-                expires_at: optional_time(row, "expires_ms")?,
-                pinned: flag(row, "pinned")?,
-            },
+            tags: tags(row)?,
             tags_version: row.try_get::<i64, _>("tags_version")?.cast_unsigned(),
             created_at: time(row, "created_ms")?,
             changed_at: time(row, "changed_ms")?,
@@ -108,18 +103,8 @@ impl PageStore for Store {
     async fn pages(&self, query: &PageQuery) -> Result<Vec<StoredPage>, StoreError> {
         let mut sql = QueryBuilder::<Db>::new("SELECT * FROM pages WHERE tenant = ");
         sql.push_bind(query.tenant.as_str());
-        for (label, value) in &query.labels {
-            has_label(sql.push(" AND "), label, value);
-        }
-        if let Some(from) = query.created_from {
-            sql.push(" AND created_ms >= ").push_bind(from.as_millisecond());
-        }
-        if let Some(before) = query.created_before {
-            sql.push(" AND created_ms < ").push_bind(before.as_millisecond());
-        }
-        if let Some(before) = query.before {
-            sql.push(" AND id < ").push_bind(before.to_string());
-        }
+        let PageQuery { labels, created_from, created_before, before, .. } = query;
+        narrow(&mut sql, labels, *created_from, *created_before, *before);
         sql.push(" ORDER BY id DESC LIMIT ").push_bind(i64::from(query.limit));
         sql.build_query_as().fetch_all(self.readers()).await.map_err(backend)
     }

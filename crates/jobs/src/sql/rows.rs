@@ -32,12 +32,7 @@ impl<'r> FromRow<'r, Row> for Record {
             tenant: tenant_name(row, "tenant")?,
             kind: text(row, "kind")?,
             priority: integer(row, "priority")?,
-            tags: Tags {
-                name: row.try_get("name")?,
-                labels: json(row, "labels")?,
-                expires_at: optional_time(row, "expires_ms")?,
-                pinned: flag(row, "pinned")?,
-            },
+            tags: tags(row)?,
             webhook: row.try_get("webhook")?,
             request_id: row.try_get("request_id")?,
             payload: json(row, "payload")?,
@@ -253,6 +248,16 @@ pub(super) fn name<T: Serialize>(variant: &T) -> Result<String, StoreError> {
 
 pub(super) fn state_name(state: JobState) -> Result<String, StoreError> {
     name(&state)
+}
+
+/// What people say of a job or page.
+pub(super) fn tags(row: &Row) -> sqlx::Result<Tags> {
+    Ok(Tags {
+        name: row.try_get("name")?,
+        labels: json(row, "labels")?,
+        expires_at: optional_time(row, "expires_ms")?,
+        pinned: flag(row, "pinned")?,
+    })
 }
 
 pub(super) fn decode<E: std::error::Error + Send + Sync + 'static>(error: E) -> sqlx::Error {

@@ -1,5 +1,6 @@
 //! The job queue's methods, one transaction each.
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use async_trait::async_trait;
@@ -34,6 +35,33 @@ async fn expect_queue(
         return Ok(());
     }
     Err(StoreError::TooManyQueued { tenant: tenant.clone(), most })
+}
+
+/// Adds the conditions that lists of jobs and of pages have in common.
+///
+/// * `from`, `until`: when they were made, the end left out.
+/// * `before`: the last of the part of the list before, which goes from new to old.
+pub(super) fn narrow(
+    sql: &mut QueryBuilder<Db>,
+    labels: &BTreeMap<String, String>,
+    from: Option<Timestamp>,
+    until: Option<Timestamp>,
+    before: Option<JobId>,
+) {
+    for (label, value) in labels {
+        // Names are held to plain characters before they get here, and bound
+        // all the same.
+        has_label(sql.push(" AND "), label, value);
+    }
+    if let Some(from) = from {
+        sql.push(" AND created_ms >= ").push_bind(from.as_millisecond());
+    }
+    if let Some(until) = until {
+        sql.push(" AND created_ms < ").push_bind(until.as_millisecond());
+    }
+    if let Some(before) = before {
+        sql.push(" AND id < ").push_bind(before.to_string());
+    }
 }
 
 #[async_trait]
@@ -123,20 +151,8 @@ impl JobStore for Store {
         if let Some(state) = query.state {
             sql.push(" AND state = ").push_bind(rows::state_name(state)?);
         }
-        for (label, value) in &query.labels {
-            // Names are held to plain characters before they get here, and bound
-            // all the same.
-            has_label(sql.push(" AND "), label, value);
-        }
-        if let Some(from) = query.created_from {
-            sql.push(" AND created_ms >= ").push_bind(from.as_millisecond());
-        }
-        if let Some(before) = query.created_before {
-            sql.push(" AND created_ms < ").push_bind(before.as_millisecond());
-        }
-        if let Some(before) = query.before {
-            sql.push(" AND id < ").push_bind(before.to_string());
-        }
+        let ListQuery { labels, created_from, created_before, before, .. } = query;
+        narrow(&mut sql, labels, *created_from, *created_before, *before);
         // One more than asked for tells whether there is a next part.
         sql.push(" ORDER BY id DESC LIMIT ").push_bind(i64::from(limit) + 1);
         let mut rows = sql.build().fetch_all(self.readers()).await.map_err(backend)?;

@@ -2,6 +2,7 @@
 //! what only the SQLite store must show.
 
 mod bytes;
+mod import;
 mod outbox;
 mod postgres;
 mod storage;
