@@ -2,7 +2,6 @@
 
 use artifacts::{Artifact, ArtifactName, CleanArtifact};
 use drawing::PageDrawing;
-use frames::{Azimuth, Elevation};
 use image::DynamicImage;
 use picture::{dynamic_png, png};
 use sheet::{HoleDocument, SheetDocument, ViewDocument};
@@ -34,11 +33,7 @@ pub(super) fn cleaned(
         if let Some(given) = &view.mask {
             files.push(Artifact::new(named(mask), png(given)?));
         }
-        let same = |view: &&ViewDocument| {
-            Azimuth::from_degrees(view.azimuth_deg).ok() == Some(own.azimuth)
-                && Elevation::from_degrees(view.elevation_deg.unwrap_or(0.0)).ok()
-                    == Some(own.elevation)
-        };
+        let same = |view: &&ViewDocument| view.viewpoint() == Some(own);
         described.push(ViewDocument {
             image: image.file_name(),
             azimuth_deg: own.azimuth.degrees(),

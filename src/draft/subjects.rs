@@ -187,10 +187,6 @@ pub(super) fn prepare(
     let all = views.iter().zip(&subjects);
     for (view, subject) in all.chain(elevated.iter().map(|(view, subject)| (view, subject))) {
         let of_view = |text: &dyn std::fmt::Display| format!("view {}: {text}", view.viewpoint());
-        let document = view.document;
-        let sure = document.azimuth_confidence.unwrap_or(1.0);
-        let doubt = sheet::azimuth_doubt(document.azimuth_deg, sure);
-        warnings.extend(doubt.iter().map(|doubt| of_view(doubt)));
         warnings.extend(subject.warnings.iter().map(|warning| of_view(warning)));
     }
     warnings.extend(suggestions.iter().map(|suggestion| {

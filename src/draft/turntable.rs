@@ -9,6 +9,7 @@ use frames::{Placement, UpAxis, Viewpoint};
 use picture::png;
 use progress::Observer;
 use rayon::ThreadPool;
+use sheet::ViewDocument;
 use turntable::export::{Frames, model_files, view_files};
 use turntable::fit::{ViewFit, redraw};
 use turntable::{Draft, metrics};
@@ -38,7 +39,8 @@ pub(super) fn run(run: &Run<'_>, delivery: Delivery<'_>) -> Result<Summary, Draf
     let quads = quads?;
     let mut found = metrics::measure(&draft, &redrawn, own);
     let said = preparation.map_or(&[][..], |done| &done.warnings);
-    found.warnings.splice(0..0, said.iter().cloned());
+    let doubts = document.views.iter().filter_map(ViewDocument::doubt);
+    found.warnings.splice(0..0, doubts.chain(said.iter().cloned()));
     let exporting = timed.exporting();
     let truth = against_truth(&draft, truths, pool, &exporting)?;
     let bounds = draft.solid.mesh.bounds();

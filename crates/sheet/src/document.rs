@@ -6,7 +6,7 @@ use serde_json::Value;
 
 use super::matches::PairMatchesDocument;
 
-use frames::UpAxis;
+use frames::{Azimuth, Elevation, UpAxis, Viewpoint};
 
 /// The sheet document: `sheet.json` on disk, the part `sheet` of an upload and
 /// the stored description of a job. Image names are relative to the document.
@@ -144,6 +144,19 @@ impl SheetDocument {
 }
 
 impl ViewDocument {
+    /// Where it is drawn from; `None` if its angles are none.
+    pub fn viewpoint(&self) -> Option<Viewpoint> {
+        let azimuth = Azimuth::from_degrees(self.azimuth_deg).ok()?;
+        let elevation = Elevation::from_degrees(self.elevation_deg.unwrap_or(0.0)).ok()?;
+        Some(Viewpoint { azimuth, elevation })
+    }
+
+    /// What to say if its azimuth is an uncertain guess.
+    pub fn doubt(&self) -> Option<String> {
+        let doubt = azimuth_doubt(self.azimuth_deg, self.azimuth_confidence?)?;
+        Some(format!("view {}: {doubt}", self.viewpoint()?))
+    }
+
     /// What is wrong with the view's place or sureness: the field, its value, what would be accepted.
     pub fn wrong_place(&self) -> Option<(&'static str, f64, &'static str)> {
         let wrong = |field, value: Option<f64>, is_good: &dyn Fn(f64) -> bool, accepted| {

@@ -86,7 +86,7 @@ fn redraw_edges(ink: &mut Bits, drawn: &Drawn<'_>, line: &Line, stroke_px: f64) 
     };
     for (from, to) in drawn.edges_along(line, least) {
         if is_own(from) && is_own(to) {
-            (from..=to).for_each(|along| drawn.draw_again(line, along, ink));
+            (from..=to).for_each(|along| drawn.draw_again(line, along, stroke_px, ink));
         }
     }
 }
@@ -163,7 +163,12 @@ fn figure_stretches(
             return true;
         }
         let high = across(&regions.parts[region].bounds);
-        if high <= LOW * tall && stretches.len() > 1 {
+        // Behind the first stroke is the figure, if that is one stroke and no foot.
+        let is_stroke =
+            |contact: &Contact| (contact.to - contact.from) as f64 <= 2.0 * stroke_px + 2.0;
+        let is_end =
+            (k == 0 && is_stroke(before)) || (k + 1 == stretches.len() && is_stroke(behind));
+        if high <= LOW * tall && stretches.len() > 1 && !is_end {
             return true;
         }
         // A foot is closed without the line or by an edge that is drawn along it.

@@ -48,9 +48,18 @@ impl Drawn<'_> {
             .collect()
     }
 
-    /// Draws what was drawn on a line in one place again, on a raster of its own corner.
-    pub(super) fn draw_again(&self, line: &Line, along: usize, to: &mut Bits) {
-        let Some((low, high)) = self.span(line, along as i64) else { return };
+    /// Draws what was drawn along a line in one place again, on a raster of its own corner: what is
+    /// beside the line, and so much of the line that a stroke `stroke_px` wide is whole.
+    pub(super) fn draw_again(&self, line: &Line, along: usize, stroke_px: f64, to: &mut Bits) {
+        let Some((mut low, mut high)) = self.span(line, along as i64) else { return };
+        let (middle, half) = (line.across(along), line.thickness / 2.0);
+        let (first, last) = ((middle - half).round() as i64, (middle + half).round() as i64 - 1);
+        let stroke = stroke_px.round().max(1.0) as i64;
+        match (low < first, high > last) {
+            (true, false) => high = high.min((first - 1).max(low + stroke - 1)),
+            (false, true) => low = low.max((last + 1).min(high - stroke + 1)),
+            _ => {}
+        }
         for across in low..=high {
             let along = along as i64;
             let (x, y) = if line.upright { (across, along) } else { (along, across) };
