@@ -181,8 +181,7 @@ pub(crate) fn own_edges(
         for along in line.from..line.to {
             let (middle, half) = (line.across(along), line.thickness / 2.0);
             for across in (middle - half).round() as i64..(middle + half).round() as i64 {
-                let along = along as i64;
-                let (x, y) = if line.upright { (across, along) } else { (along, across) };
+                let (x, y) = line.pixel(along as i64, across);
                 before.set(x, y, true);
             }
         }
@@ -345,8 +344,8 @@ fn is_drawn_along(line: &Line, drawn: &Bits) -> bool {
         let middle = line.across(*along);
         let (low, high) = ((middle - half).floor() as i64, (middle + half).ceil() as i64);
         (low..high).any(|across| {
-            let along = *along as i64;
-            if line.upright { drawn.at(across, along) } else { drawn.at(along, across) }
+            let (x, y) = line.pixel(*along as i64, across);
+            drawn.at(x, y)
         })
     };
     let count = (line.from..line.to).filter(is).count();

@@ -25,6 +25,11 @@ impl Line {
         self.at + self.slope * (along as f64 - self.from as f64)
     }
 
+    /// The pixel, `(x, y)`, in a place along it and across.
+    pub(crate) fn pixel(&self, along: i64, across: i64) -> (i64, i64) {
+        if self.upright { (across, along) } else { (along, across) }
+    }
+
     pub(crate) fn length(&self) -> usize {
         self.to - self.from
     }

@@ -77,10 +77,10 @@ fn redraw_edges(ink: &mut Bits, drawn: &Drawn<'_>, line: &Line, stroke_px: f64) 
     let own = ink.clone();
     let is_own = |end: usize| {
         (end.saturating_sub(near)..=end + near).any(|along| {
-            let (along, middle) = (along as i64, line.across(along).floor() as i64);
-            (middle - reach..=middle + reach).any(|across| match line.upright {
-                true => own.at(across, along),
-                false => own.at(along, across),
+            let middle = line.across(along).floor() as i64;
+            (middle - reach..=middle + reach).any(|across| {
+                let (x, y) = line.pixel(along as i64, across);
+                own.at(x, y)
             })
         })
     };
@@ -112,7 +112,8 @@ impl Edge<'_> {
 /// Where the line is thicker than elsewhere an edge is drawn along it. Of the rest, paper between
 /// feet borders on one stretch alone, on either side of which the figure stands, and is long or high;
 /// the first and last stretches are feet. It is also what lies between two feet that are closed
-/// without the line, and what is low: below a base on castors.
+/// without the line or by an edge along it, and what is low: below a base on castors. On a line on
+/// which strokes end from both sides all is paper but such edges.
 ///
 /// * `all`: `ink` with all stretches drawn again.
 fn figure_stretches(
@@ -133,8 +134,7 @@ fn figure_stretches(
         for along in a.to + 1..b.from {
             for d in first as usize..=last.ceil() as usize {
                 let across = (line.across(along) + a.side * d as f64).floor() as i64;
-                let along = along as i64;
-                let (x, y) = if line.upright { (across, along) } else { (along, across) };
+                let (x, y) = line.pixel(along as i64, across);
                 let inside =
                     x >= 0 && y >= 0 && (x as usize) < ink.width && (y as usize) < ink.height;
                 let label =
@@ -210,7 +210,8 @@ fn is_closed(inside: &Bits, line: &Line, contact: &Contact, way: i64, stroke_px:
     let at = |along: i64, d: usize| {
         let offset = contact.side * d as f64;
         let across = (line.across(usize::try_from(along).unwrap_or(0)) + offset).floor() as i64;
-        if line.upright { inside.at(across, along) } else { inside.at(along, across) }
+        let (x, y) = line.pixel(along, across);
+        inside.at(x, y)
     };
     // What ends in the contact is followed to the other side of a stroke and beyond.
     let far = if way < 0 { contact.to } else { contact.from } as i64;

@@ -208,8 +208,8 @@ impl Meeting<'_> {
         (1..=NEAR_PX).any(|px| {
             let offset = self.line.thickness / 2.0 + px as f64;
             let across = (self.line.across(along) + self.side * offset).floor() as i64;
-            let along = along as i64;
-            if self.line.upright { areas.at(across, along) } else { areas.at(along, across) }
+            let (x, y) = self.line.pixel(along as i64, across);
+            areas.at(x, y)
         })
     }
 }

@@ -61,8 +61,7 @@ impl Drawn<'_> {
             _ => {}
         }
         for across in low..=high {
-            let along = along as i64;
-            let (x, y) = if line.upright { (across, along) } else { (along, across) };
+            let (x, y) = line.pixel(along as i64, across);
             to.set(x, y, true);
         }
     }
@@ -105,7 +104,7 @@ impl Drawn<'_> {
         let middle = (line.at + line.slope * (along - line.from as i64) as f64).floor() as i64;
         let reach = line.thickness.ceil() as i64 + 1;
         let at = |across: i64| {
-            let (x, y) = if line.upright { (across, along) } else { (along, across) };
+            let (x, y) = line.pixel(along, across);
             self.ink.at(x + self.corner.0, y + self.corner.1)
         };
         let start = (0..=reach).flat_map(|d| [middle - d, middle + d]).find(|y| at(*y))?;

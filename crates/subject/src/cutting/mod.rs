@@ -11,11 +11,12 @@ pub(crate) use drawn::Drawn;
 use crate::raster::Bits;
 use crate::straight::Line;
 
-/// What of a removed line is drawn again: what closes the figure on it best, or
-/// only where strokes go on across it or meet in it, which leaves several figures apart.
+/// What of a removed line is drawn again.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Restore {
+    /// Where strokes go on across it or meet in it, and what closes the figure on it best.
     Best,
+    /// Only where strokes go on across it or meet in it, which leaves several figures apart.
     Crossings,
 }
 
@@ -32,12 +33,9 @@ pub(crate) fn cut_all(
     let before = ink.clone();
     lines.iter().for_each(|line| cut(ink, line));
     let drawn = Drawn { ink: &before, corner: (0, 0) };
-    match restored {
-        Restore::Crossings => crossing::restore(ink, &drawn, lines, earlier, stroke_px),
-        Restore::Best => {
-            crossing::restore(ink, &drawn, lines, earlier, stroke_px);
-            close(ink, &before, &drawn, lines, stroke_px);
-        }
+    crossing::restore(ink, &drawn, lines, earlier, stroke_px);
+    if restored == Restore::Best {
+        close(ink, &before, &drawn, lines, stroke_px);
     }
 }
 
