@@ -14,6 +14,8 @@ const TALLEST: f64 = 0.5;
 const MIDDLE: f64 = 0.25;
 /// With its seams shut it has so little more area.
 const SEAMS: f64 = 0.45;
+/// And is most of what it encloses, or it is an outline whose strokes lie side by side.
+const COVERS: f64 = 0.6;
 /// Seams are shut from the width on that joins so much of the pieces,
 const JOINED: f64 = 0.8;
 /// and this much wider ones as well: seams vary.
@@ -76,8 +78,11 @@ fn shut(own: &[usize], parts: &Components, painted: &Bits) -> Option<Bits> {
         let largest = areas.iter().max().copied().unwrap_or(0) as f64;
         if largest >= JOINED * area {
             let radius = (VARY * radius) as f32;
-            let whole = filled_narrow(&pieces.dilated(radius).eroded(radius).or(&pieces), radius);
-            return (whole.count() as f64 <= (1.0 + SEAMS) * area).then_some(whole);
+            let whole = filled_narrow(&pieces.closed(radius).or(&pieces), radius);
+            let covered = whole.count() as f64;
+            let is_one = covered <= (1.0 + SEAMS) * area
+                && covered >= COVERS * filled(&whole).count() as f64;
+            return is_one.then_some(whole);
         }
     }
     None
@@ -127,6 +132,31 @@ mod tests {
         let whole = figures(&pieces, 8.0);
         assert_eq!(whole.components(true).parts.len(), 1);
         assert_eq!(pieces.and_not(&whole).count(), 0);
+    }
+
+    #[test]
+    fn seams_are_shut_within_a_figure_not_to_the_border() {
+        let mut near = Bits::filled(60, 40, false);
+        (10..30).for_each(|y| (3..55).filter(|x| x % 10 != 0).for_each(|x| near.set(x, y, true)));
+        let whole = near.closed(6.0);
+        assert!(near.bounds() == whole.bounds() && whole.at(20, 20));
+    }
+
+    #[test]
+    fn pieces_of_an_outline_are_no_figure() {
+        let mut ring = Bits::filled(400, 400, false);
+        let mut along = 40;
+        for size in [8, 110, 8, 9, 90, 8, 10, 8] {
+            for (k, across) in (along..along + size).flat_map(|k| (0..12).map(move |a| (k, a))) {
+                let (near, far) = (40 + across, 310 + across);
+                for (x, y) in [(k, near), (k, far), (near, k), (far, k)] {
+                    ring.set(x, y, true);
+                }
+            }
+            along += size + 3;
+        }
+        assert!(ring.components(true).parts.len() > PIECES);
+        assert_eq!(figures(&ring, 20.0).count(), 0);
     }
 
     #[test]

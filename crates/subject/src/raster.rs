@@ -183,6 +183,27 @@ impl Bits {
         self.eroded(radius).dilated(radius)
     }
 
+    /// What no disc of this radius covers that stays off the set pixels; beyond the image it may lie.
+    #[must_use]
+    pub fn closed(&self, radius: f32) -> Self {
+        let margin = radius.max(0.0).ceil() as usize + 1;
+        let wide = self.moved([margin; 2], [self.width + 2 * margin, self.height + 2 * margin]);
+        let own = wide.dilated(radius).eroded(radius);
+        let rows = own.data.chunks_exact(own.width).skip(margin).take(self.height);
+        let data = rows.flat_map(|row| &row[margin..margin + self.width]).copied().collect();
+        Self { width: self.width, height: self.height, data }
+    }
+
+    /// With its first pixel at `to` of a larger raster of `size`.
+    fn moved(&self, to: [usize; 2], size: [usize; 2]) -> Self {
+        let mut all = Self::filled(size[0], size[1], false);
+        let rows = all.data.chunks_exact_mut(size[0]).skip(to[1]);
+        for (row, own) in rows.zip(self.data.chunks_exact(self.width.max(1))) {
+            row[to[0]..to[0] + self.width].copy_from_slice(own);
+        }
+        all
+    }
+
     /// The set pixels connected (by sides) to the image's border.
     #[must_use]
     pub fn reached_from_border(&self) -> Self {
