@@ -48,7 +48,7 @@ pub(super) fn branches(slices: &[Slice], directions: &[Outline]) -> Vec<Branch> 
 
 /// The smallest overlap of two sections' extents over all directions, share of both; below 0
 /// where they are apart in one.
-pub(super) fn overlap(a: &Section, b: &Section, directions: &[Outline]) -> f64 {
+fn overlap(a: &Section, b: &Section, directions: &[Outline]) -> f64 {
     directions
         .iter()
         .map(|direction| {

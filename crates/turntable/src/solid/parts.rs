@@ -4,7 +4,7 @@
 //! side view it lies before the body, and the hull makes it as deep as that.
 //! The lines drawn on the body there are the arm's.
 
-use super::branches::{Branch, branches, overlap};
+use super::branches::{Branch, branches};
 use super::crease::{InkEvidence, Slice};
 use super::outline::{Outline, difference, length};
 use super::section::Section;
@@ -35,6 +35,8 @@ const FREE_SLOPE: f64 = 0.8;
 const MIN_FOUND: f64 = 0.6;
 /// The share of those in which a line is not the hull's own end.
 const MIN_INNER: f64 = 0.3;
+/// What a part hangs on keeps at least this share of what lies on it.
+const MIN_HOLD: f64 = 0.5;
 /// What of a silhouette may be left without anything behind it, px a slice.
 const MAX_UNCOVERED_PX: f64 = 1.5;
 /// The share of slices that may have to stay as they are.
@@ -261,9 +263,13 @@ fn cut(
     if kept as f64 > MAX_KEPT * branch.len() as f64 {
         return false;
     }
-    let ends = [(branch.first(), narrowed.first()), (branch.last(), narrowed.last())];
-    let holds_on = |end: (Option<&(usize, usize)>, Option<&Option<Section>>)| match end {
-        (Some(&at), Some(Some(section))) => keeps_neighbours(slices, at, section, directions),
+    // Beyond slices that stay as they are, what counts is what is left behind them.
+    let ends = [
+        (branch.first(), narrowed.iter().flatten().next()),
+        (branch.last(), narrowed.iter().flatten().next_back()),
+    ];
+    let holds_on = |end: (Option<&(usize, usize)>, Option<&Section>)| match end {
+        (Some(&at), Some(section)) => keeps_neighbours(slices, at, section, directions),
         _ => true,
     };
     if !ends.into_iter().all(holds_on) {
@@ -277,22 +283,35 @@ fn cut(
     true
 }
 
-/// Whether all that touches a section from above or below still touches something of its
-/// slice if it becomes `narrowed`.
+/// Whether all that touches a section from above or below keeps [`MIN_HOLD`] of what it touches in
+/// its slice if that becomes `narrowed`.
 fn keeps_neighbours(
     slices: &[Slice],
     (k, index): (usize, usize),
     narrowed: &Section,
     directions: &[Outline],
 ) -> bool {
-    let touch = |a: &Section, b: &Section| overlap(a, b, directions) > 0.0;
     let own = &slices[k].sections;
     let neighbours = [k.checked_sub(1), Some(k + 1)].into_iter().flatten();
     neighbours.filter_map(|k| slices.get(k)).flat_map(|slice| &slice.sections).all(|other| {
+        let before = hold(&own[index], other, directions);
         let mut after = own.iter().enumerate();
-        !touch(&own[index], other)
-            || after.any(|(at, own)| touch(if at == index { narrowed } else { own }, other))
+        before <= 0.0
+            || after.any(|(at, own)| {
+                let own = if at == index { narrowed } else { own };
+                hold(own, other, directions) > MIN_HOLD * before
+            })
     })
+}
+
+/// The least share, over all directions, of the narrower of two sections that lies on the other.
+fn hold(a: &Section, b: &Section, directions: &[Outline]) -> f64 {
+    let shares = directions.iter().map(|direction| {
+        let right = direction.right();
+        let (a, b) = (a.extent_along(&right), b.extent_along(&right));
+        (a.1.min(b.1) - a.0.max(b.0)) / (a.1 - a.0).min(b.1 - b.0).max(1e-9)
+    });
+    shares.fold(1.0, f64::min)
 }
 
 /// What the silhouettes lose in one slice if a section becomes `narrowed`, px.
@@ -332,5 +351,6 @@ mod tests {
         };
         assert!(keeps((-10.0, 0.0)), "the leg");
         assert!(!keeps((15.0, 20.0)), "the cape");
+        assert!(!keeps((-2.0, 20.0)), "the cape, and the leg's edge");
     }
 }
