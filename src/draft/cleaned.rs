@@ -41,6 +41,7 @@ pub(super) fn cleaned(
             elevation_deg: Some(own.elevation.degrees()),
             mask: view.mask.as_ref().map(|_| mask.file_name()),
             mask_with_outline: view.mask.is_some() && view.mask_was_found,
+            outline_px: view.outline_px.filter(|_| view.mask.is_some() && view.mask_was_found),
             mask_has_holes: view.mask.is_some() && view.mask_has_holes,
             ..ViewDocument::default()
         });

@@ -99,7 +99,7 @@ pub(super) fn decode_sheet(
         (Method::Turntable, options::Preparation::Auto) => {
             let most = limits.max_working_bytes;
             let (views, done) =
-                pool.install(|| subjects::prepare(views, options, most, observer))?;
+                pool.install(|| subjects::prepare(views, options, has_truth, most, observer))?;
             (views, Some(done))
         }
         _ => (views.into_iter().map(DecodedView::into_drawn).collect(), None),
@@ -289,7 +289,8 @@ impl DecodedView<'_> {
         let level = View::level(self.azimuth, gray, self.mask.or(alpha));
         let mask_was_found = self.document.mask_with_outline && level.mask.is_some();
         let mask_has_holes = self.document.mask_has_holes && level.mask.is_some();
-        View { elevation: self.elevation, mask_was_found, mask_has_holes, ..level }
+        let outline_px = self.document.outline_px;
+        View { elevation: self.elevation, mask_was_found, outline_px, mask_has_holes, ..level }
     }
 }
 

@@ -26,8 +26,10 @@ use crate::failure_code::FailureCode;
 const REGISTERED_SCALE: f64 = 0.08;
 /// The same for shifts, share of the figure's height.
 const REGISTERED_SHIFT: f64 = 0.04;
-/// Paper that changes by more is not taken as white, grey levels.
+/// Paper that changes by more, or is darker, or has more grain, is not taken as white, grey levels.
 const MAX_UNEVENNESS: f64 = 16.0;
+const LEAST_WHITE: u8 = 240;
+const MAX_NOISE: f64 = 2.0;
 /// Figures of fewer rows are enlarged to at least as many, unless all are clean line art: a pixel
 /// of a sprite would be a step of its draft.
 const MIN_FIGURE_ROWS: f64 = 200.0;
@@ -117,6 +119,9 @@ pub(super) struct DrawingReport {
     /// Whether a person gave mask, outline or pieces.
     by_hand: bool,
     stroke_px: f64,
+    /// The width of the outline's stroke in what is painted, 0 if it has none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    outline_px: Option<f64>,
     removed: Vec<Removed>,
     pieces: Vec<Piece>,
     closed_gaps: Vec<Gap>,
@@ -141,6 +146,7 @@ pub(super) struct SuggestionReport {
 /// Finds the subject in each drawing and lays the views on one canvas where
 /// they differ in size, scale or place.
 ///
+/// * `has_truth`: whether the sheet has; small figures are not enlarged then.
 /// * `max_working_bytes`: what the job may hold in memory.
 ///
 /// # Errors
@@ -149,6 +155,7 @@ pub(super) struct SuggestionReport {
 pub(super) fn prepare(
     mut views: Vec<DecodedView<'_>>,
     options: &Options,
+    has_truth: bool,
     max_working_bytes: u64,
     observer: &dyn Observer,
 ) -> Result<(Vec<View>, Preparation), DraftError> {
@@ -193,7 +200,7 @@ pub(super) fn prepare(
         let done = if suggestion.applied { "; it is used so" } else { "; check angle and drawing" };
         format!("{}{done}", suggestion.text)
     }));
-    let enlarges = !subjects.iter().all(is_clean) && enlarge(&mut alignment);
+    let enlarges = !has_truth && !subjects.iter().all(is_clean) && enlarge(&mut alignment);
     let moved = enlarges || !are_of_one_size(&views) || needs_canvas(&alignment);
     let size = (alignment.canvas.width, alignment.canvas.height);
     let mut places = elevated::places(&mut alignment, (&views, &subjects), &elevated);
@@ -216,7 +223,8 @@ pub(super) fn prepare(
     places_on_canvas.extend(views.iter().zip(&alignment.views).map(|(view, found)| {
         PlaceOnCanvas::new(view, if moves { found.transform } else { Transform::IDENTITY })
     }));
-    let mut laid = laid.into_iter();
+    let on_canvas: Vec<_> = alignment.views.iter().map(|found| found.transform).collect();
+    let mut laid = laid.into_iter().zip(on_canvas);
     for ((view, subject), doubt) in views.into_iter().zip(subjects).zip(doubts) {
         let by_hand = is_by_hand(view.document) || view.mask.is_some();
         let as_drawn =
@@ -241,6 +249,7 @@ pub(super) fn prepare(
         let as_drawn = stays && !by_hand && is_clean(&subject) && is_opaque(&view.drawing);
         drawings.push(report(&view, &subject, as_drawn, by_hand));
         let laid = if stays { None } else { elevated::laid(&alignment, place, &view, &subject) };
+        let laid = laid.map(|laid| (laid, place));
         let viewpoint = view.viewpoint();
         places_on_canvas.push(PlaceOnCanvas::new(&view, place));
         let (view, cut_out) = view_of(view, subject, laid, as_drawn);
@@ -338,6 +347,8 @@ fn is_clean(subject: &Subject) -> bool {
     subject.kind == DrawingKind::LineArt
         && subject.polarity == Polarity::DarkOnLight
         && subject.paper.unevenness < MAX_UNEVENNESS
+        && subject.paper.noise < MAX_NOISE
+        && subject.paper.colour.iter().all(|&level| level >= LEAST_WHITE)
         && subject.removed.is_empty()
         && subject.closed_gaps.is_empty()
         && subject.warnings.is_empty()
@@ -523,6 +534,7 @@ fn report(
         as_drawn,
         by_hand,
         stroke_px: subject.stroke_px,
+        outline_px: subject.outline_px,
         removed: subject.removed.clone(),
         pieces: subject.pieces.clone(),
         closed_gaps: subject.closed_gaps.clone(),
@@ -535,7 +547,7 @@ fn report(
 fn view_of(
     view: DecodedView<'_>,
     subject: Subject,
-    aligned: Option<Aligned>,
+    aligned: Option<(Aligned, Transform)>,
     as_drawn: bool,
 ) -> (View, RgbaImage) {
     let (azimuth, elevation) = (view.azimuth, view.elevation);
@@ -544,14 +556,18 @@ fn view_of(
     let leaves_out =
         matches!(subject.kind, DrawingKind::Flat | DrawingKind::Shaded | DrawingKind::CutOut);
     let mask_has_holes = leaves_out || view.document.mask_has_holes;
+    let scale = aligned.as_ref().map_or(1.0, |(_, place)| place.scale);
+    let outline_px = view.document.outline_px.map(|width| width / view.change.reduction);
+    let outline_px = outline_px.or(subject.outline_px).map(|width| width * scale);
     let (image, mask, color, cut_out): (GrayImage, GrayImage, _, _) = match aligned {
-        Some(Aligned { mask, ink, colour }) => (ink, mask, color_of(&colour), colour),
+        Some((Aligned { mask, ink, colour }, _)) => (ink, mask, color_of(&colour), colour),
         None => (subject.ink, subject.mask, color_of(&view.drawing), subject.colour),
     };
     let level = if as_drawn {
         View::level(azimuth, picture::flatten(&view.drawing).gray, None)
     } else {
-        View { mask_was_found, mask_has_holes, ..View::level(azimuth, image, Some(mask)) }
+        let level = View::level(azimuth, image, Some(mask));
+        View { mask_was_found, outline_px, mask_has_holes, ..level }
     };
     (View { elevation, color, ..level }, cut_out)
 }

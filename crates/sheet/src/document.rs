@@ -69,6 +69,10 @@ pub struct ViewDocument {
     /// the stroke's middle.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub mask_with_outline: bool,
+    /// How wide that stroke is, px of the drawing; 0 if the outline is not drawn. Measured if left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0, max = 100))]
+    pub outline_px: Option<f64>,
     /// Whether the mask leaves out what one sees through, so that no holes need be looked for, as
     /// masks found in painted drawings do.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
@@ -168,6 +172,10 @@ impl ViewDocument {
             .or_else(|| {
                 let is_good = |v| (0.125..=8.0).contains(&v);
                 wrong("scale", self.scale, &is_good, "a factor from 0.125 to 8")
+            })
+            .or_else(|| {
+                let is_good = |v| (0.0..=100.0).contains(&v);
+                wrong("outline_px", self.outline_px, &is_good, "a width from 0 to 100")
             })
             .or_else(|| {
                 let is_good = |v| (0.0..=1.0).contains(&v);

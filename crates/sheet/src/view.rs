@@ -20,6 +20,8 @@ pub struct View {
     /// Whether the mask was found in the drawing: it then includes the stroke
     /// of the outline, which a mask given by hand does not.
     pub mask_was_found: bool,
+    /// How wide the outline's stroke is in a mask that was found, px; measured if `None`.
+    pub outline_px: Option<f64>,
     /// Whether the mask leaves out what one sees through, as a painted drawing's or a cut-out's
     /// does; lines alone don't tell holes from panels.
     pub mask_has_holes: bool,
@@ -37,6 +39,7 @@ impl View {
             image,
             mask,
             mask_was_found: false,
+            outline_px: None,
             mask_has_holes: false,
             color: None,
         }

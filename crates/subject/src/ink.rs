@@ -78,7 +78,8 @@ fn of_areas(image: &RgbaImage, structure: &Structure, mask: &GrayImage) -> GrayI
     let stroke = (structure.stroke * structure.factor as f64).max(1.0);
     let apart = ((1.2 * stroke).round() as usize).clamp(1, 24);
     let step = ((0.35 * stroke).round() as usize).clamp(1, 4);
-    let edge_px = ((0.6 * stroke).round() as usize).clamp(1, 6);
+    let outline = structure.outline.unwrap_or_default() * structure.factor as f64;
+    let edge_px = (outline.round() as usize).clamp(1, 6);
     let pixel = |x: usize, y: usize| &image.as_raw()[(y * w + x) * 4..(y * w + x) * 4 + 3];
     let inside = |x: usize, y: usize| mask.as_raw()[y * w + x] != 0;
     let mut levels = vec![255_u8; w * h];

@@ -35,6 +35,7 @@ mod strokes;
 mod structure;
 mod subject;
 mod tone;
+mod widths;
 
 pub use align::{
     AlignOptions, Aligned, Alignment, ByHand, Canvas, Transform, View, ViewAlignment, align, apply,

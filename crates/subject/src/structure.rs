@@ -9,7 +9,7 @@ use crate::raster::{Bits, Raster, filled};
 use crate::report::{Box2, DrawingKind, Gap, Piece, Point, Removed, RemovedKind, Warning};
 use crate::subject::erased;
 use crate::tone::Tone;
-use crate::{clutter, edges, gaps, holes, lettering, mosaic, strokes};
+use crate::{clutter, edges, gaps, holes, lettering, mosaic, strokes, widths};
 
 /// A set of pixels at any size.
 pub(crate) type Area = Bits;
@@ -52,6 +52,8 @@ pub(crate) struct Structure {
     /// The least colour difference that counts at full size; none in line art.
     pub(crate) colour_from: Option<f32>,
     pub(crate) stroke: f64,
+    /// The width of the outline's stroke in what is painted; 0 if it has none.
+    pub(crate) outline: Option<f64>,
     pub(crate) removed: Vec<Removed>,
     pub(crate) pieces: Vec<Piece>,
     pub(crate) gaps: Vec<Gap>,
@@ -94,7 +96,17 @@ impl Structure {
         } else {
             own.inside = inside;
         }
+        own.measure_lines(&ink);
         own
+    }
+
+    /// How wide lines are where all that is painted is ink.
+    fn measure_lines(&mut self, ink: &Raster<f32>) {
+        if self.colour_from.is_some() || self.kind == DrawingKind::CutOut {
+            let size = self.inside.bounds().map_or(1.0, |bounds| figure_size(&bounds));
+            let widths = widths::of_painted(ink, &self.inside, THICKEST * size);
+            (self.stroke, self.outline) = (widths.line.max(1.0), Some(widths.outline));
+        }
     }
 
     /// Of a drawing on paper.
@@ -146,6 +158,7 @@ impl Structure {
         own.bridged = barrier.clone().and_not(&drawn);
         let inside = holes::without(&own, inside, &barrier, &colour, &lines, options, hints);
         own.decide_pieces(inside, hints, options);
+        own.measure_lines(&ink);
         own.judge(tone);
         own
     }
@@ -180,6 +193,7 @@ impl Structure {
             cleared: none,
             colour_from: None,
             stroke: 1.0,
+            outline: None,
             removed: Vec::new(),
             pieces: Vec::new(),
             gaps: Vec::new(),

@@ -40,6 +40,9 @@ pub struct Subject {
     pub paper: PaperSummary,
     /// The width of most strokes, px.
     pub stroke_px: f64,
+    /// The width of the outline's stroke in what is painted, px, 0 if it has none; `None` if the
+    /// subject is drawn in lines.
+    pub outline_px: Option<f64>,
     /// What is not of the subject.
     pub removed: Vec<Removed>,
     /// The connected parts, largest first.
@@ -203,6 +206,7 @@ fn finished(
         polarity: tone.polarity,
         paper: paper.summary(),
         stroke_px: structure.stroke * factor as f64,
+        outline_px: structure.outline.map(|outline| outline * factor as f64),
         removed: structure.removed.iter().map(removed).collect(),
         pieces: structure.pieces.iter().map(piece).collect(),
         closed_gaps: structure.gaps.iter().map(gap).collect(),

@@ -156,6 +156,7 @@ pub(crate) fn moved_view(
         image: resample(&view.image, found, f64::from(view.image.get_pixel(0, 0).0[0])),
         mask: view.mask.as_ref().map(|mask| resample(mask, found, 0.0)),
         mask_was_found: view.mask_was_found,
+        outline_px: view.outline_px.map(|width| width / found.scale),
         mask_has_holes: view.mask_has_holes,
         color: view.color.as_ref().map(|color| moved_color(color, found, (axis, origin))),
     }

@@ -150,7 +150,7 @@ impl Silhouette {
         };
         let half_line_px = match source {
             SilhouetteSource::Given => 0.0,
-            _ => edges::half_line_px(&ink, &mask),
+            _ => view.outline_px.map_or_else(|| edges::half_line_px(&ink, &mask), |w| w / 2.0),
         };
         let bridges = bridges.concat().into_iter();
         let bridges = bridges.map(|index| drawn.index_outside(index, ink.width())).collect();
