@@ -157,12 +157,14 @@ fn report(
         Err(error) => return println!("| {name} | | | | refused: {error} |"),
     };
     let mut said = decoded.warnings().to_vec();
+    let shown = |iou: f64| if iou.is_nan() { "-".to_owned() } else { format!("{iou:.3}") };
     let (mean, least) = silhouettes(&decoded, views);
+    let (mean, least) = (shown(mean), shown(least));
     if let Some(folder) = &wanted.pictures {
         pictures(folder, name, &decoded, views);
     }
     if wanted.silhouettes {
-        return println!("| {name} | {mean:.3} | {least:.3} | | {} |", said.join("; "));
+        return println!("| {name} | {mean} | {least} | | {} |", said.join("; "));
     }
     let solid = match decoded.turntable() {
         Ok(draft) => {
@@ -176,12 +178,12 @@ fn report(
         }
         Err(error) => format!("none: {error}"),
     };
-    println!("| {name} | {mean:.3} | {least:.3} | {solid} | {} |", said.join("; "));
+    println!("| {name} | {mean} | {least} | {solid} | {} |", said.join("; "));
 }
 
 /// Variants whose pixels are not those of the clean drawing: the draft is laid
 /// on the truth by its bounds before they are compared.
-const MOVED: [&str; 4] = ["size", "times", "eighth", "cropped"];
+const MOVED: [&str; 6] = ["size", "times", "eighth", "cropped", "inner frame", "side"];
 
 /// Writes each drawing with the outline that was found in red.
 fn pictures(folder: &Path, name: &str, decoded: &Decoded, views: &[(f64, RgbaImage, GrayImage)]) {
