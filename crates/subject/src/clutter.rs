@@ -5,7 +5,7 @@ use crate::cutting::{Drawn, Restore, close, cut_all};
 use crate::options::CleanOptions;
 use crate::raster::Bits;
 use crate::report::{Box2, Removed, RemovedKind};
-use crate::straight::{Limits, Line, level_lines, level_rows, transposed};
+use crate::straight::{Limits, Line, level_lines, level_rows};
 
 /// The thickest line, share of the page's shorter side.
 const THICKNESS: f64 = 0.011;
@@ -230,7 +230,7 @@ fn rows_of(ink: &Bits, lines: &[Line]) -> Vec<Line> {
     let limits = limits(ink);
     let least = |length: usize| (SPANS_ALONE_LENGTH * length as f64) as usize + 1;
     let mut rows = level_rows(ink, &limits, least(ink.width), false);
-    rows.extend(level_rows(&transposed(ink), &limits, least(ink.height), true));
+    rows.extend(level_rows(&ink.transposed(), &limits, least(ink.height), true));
     rows.retain(|row| {
         let same = |line: &Line| {
             line.upright == row.upright
@@ -245,7 +245,7 @@ fn rows_of(ink: &Bits, lines: &[Line]) -> Vec<Line> {
 fn lines_of(ink: &Bits) -> Vec<Line> {
     let limits = limits(ink);
     let mut lines = level_lines(ink, &limits, false);
-    lines.extend(level_lines(&transposed(ink), &limits, true));
+    lines.extend(level_lines(&ink.transposed(), &limits, true));
     lines
 }
 

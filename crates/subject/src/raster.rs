@@ -30,6 +30,16 @@ impl<T: Clone> Raster<T> {
     }
 }
 
+impl<T: Copy> Raster<T> {
+    /// Columns as rows.
+    #[must_use]
+    pub fn transposed(&self) -> Self {
+        let column = |x: usize| (0..self.height).map(move |y| y * self.width + x);
+        let data = (0..self.width).flat_map(column).map(|index| self.data[index]).collect();
+        Self { width: self.height, height: self.width, data }
+    }
+}
+
 impl<T: Copy + Default> Raster<T> {
     /// The value at `(x, y)`; the type's default outside.
     pub fn at(&self, x: i64, y: i64) -> T {

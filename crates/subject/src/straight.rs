@@ -54,16 +54,6 @@ impl Line {
     }
 }
 
-pub(crate) fn transposed(bits: &Bits) -> Bits {
-    let mut turned = Bits::filled(bits.height, bits.width, false);
-    for y in 0..bits.height {
-        for x in 0..bits.width {
-            turned.data[x * bits.height + y] = bits.data[y * bits.width + x];
-        }
-    }
-    turned
-}
-
 /// What counts as a straight thin line, px.
 pub(crate) struct Limits {
     pub(crate) least_run: usize,

@@ -61,31 +61,42 @@ fn outline(lines: &Bits, inside: &Bits, widest: f64) -> f64 {
 
 /// The grey-level opening by a square of `2 * reach + 1` pixels.
 fn opened(values: &Raster<f32>, reach: usize) -> Raster<f32> {
-    let least = filtered(values, reach, f32::min);
-    filtered(&least, reach, f32::max)
+    let least = filtered(values, reach, f32::min, f32::INFINITY);
+    filtered(&least, reach, f32::max, f32::NEG_INFINITY)
 }
 
 /// The best value of each pixel's square.
-fn filtered(values: &Raster<f32>, reach: usize, best: fn(f32, f32) -> f32) -> Raster<f32> {
-    let (w, h) = (values.width, values.height);
-    let window = |at: usize, end: usize| at.saturating_sub(reach)..(at + reach + 1).min(end);
-    let mut across = Raster::filled(w, h, 0.0_f32);
-    across.data.par_chunks_mut(w.max(1)).enumerate().for_each(|(y, row)| {
-        let from = values.row(y);
-        for (x, value) in row.iter_mut().enumerate() {
-            *value = from[window(x, w)].iter().copied().reduce(best).unwrap_or_default();
+///
+/// * `none`: what is worse than every value.
+fn filtered(
+    values: &Raster<f32>,
+    reach: usize,
+    best: fn(f32, f32) -> f32,
+    none: f32,
+) -> Raster<f32> {
+    let along_rows = |values: &Raster<f32>| {
+        let mut all = values.clone();
+        all.data.par_chunks_mut(values.width.max(1)).for_each(|row| slid(row, reach, best, none));
+        all
+    };
+    along_rows(&along_rows(values).transposed()).transposed()
+}
+
+/// Replaces each value by the best of those at most `reach` from it, in windows that double.
+fn slid(row: &mut [f32], reach: usize, best: fn(f32, f32) -> f32, none: f32) {
+    let window = 2 * reach + 1;
+    let mut padded = vec![none; row.len() + 2 * reach];
+    padded[reach..reach + row.len()].copy_from_slice(row);
+    let mut covered = 1;
+    while 2 * covered <= window {
+        for at in 0..padded.len() - covered {
+            padded[at] = best(padded[at], padded[at + covered]);
         }
-    });
-    let mut both = Raster::filled(w, h, 0.0_f32);
-    both.data.par_chunks_mut(w.max(1)).enumerate().for_each(|(y, row)| {
-        row.copy_from_slice(across.row(y));
-        for near in window(y, h) {
-            for (value, other) in row.iter_mut().zip(across.row(near)) {
-                *value = best(*value, *other);
-            }
-        }
-    });
-    both
+        covered *= 2;
+    }
+    for (at, value) in row.iter_mut().enumerate() {
+        *value = best(padded[at], padded[at + window - covered]);
+    }
 }
 
 #[cfg(test)]
@@ -116,6 +127,22 @@ mod tests {
             let found = of_painted(&ink, &inside, 10.0);
             assert!((found.outline - outline).abs() < 1.0, "{found:?} for {outline}");
             assert!((found.line - outline).abs() < 2.0, "{found:?} for {outline}");
+        }
+    }
+
+    #[test]
+    fn windows_that_double_have_the_best_of_each_square() {
+        let values = |i: usize| ((i * 7919) % 101) as f32;
+        let raster = Raster { width: 13, height: 9, data: (0..13 * 9).map(values).collect() };
+        for reach in 0..6_usize {
+            let found = filtered(&raster, reach, f32::max, f32::NEG_INFINITY);
+            for (x, y) in (0..13).flat_map(|x| (0..9).map(move |y| (x, y))) {
+                let near =
+                    |at: usize, end: usize| at.saturating_sub(reach)..(at + reach + 1).min(end);
+                let square = near(y, 9).flat_map(|y| near(x, 13).map(move |x| (x, y)));
+                let most = square.map(|(x, y)| raster.data[y * 13 + x]).fold(0.0, f32::max);
+                assert_eq!(found.data[y * 13 + x], most, "{reach} at {x}, {y}");
+            }
         }
     }
 
